@@ -1,0 +1,1 @@
+"""What a scene is made of: parts, bins, robots, grippers and shipped weights."""

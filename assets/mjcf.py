@@ -1,0 +1,81 @@
+"""Adding a part to a MuJoCo specification: the one place where a `Part` becomes bodies and geoms."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from simpick.assets.part import Part
+
+VISUAL_GROUP = 2
+"""Geoms that cameras see and contacts ignore."""
+COLLISION_GROUP = 3
+"""Geoms that contacts see and cameras ignore."""
+
+
+def add_part(
+    spec: mujoco.MjSpec,
+    part: Part,
+    body_name: str,
+    *,
+    free: bool = True,
+    collide: bool = True,
+    material: str | None = None,
+) -> mujoco.MjsBody:
+    """Add one instance of `part` at the world's origin and return its body.
+
+    Meshes are shared between instances of the same part in one `spec`. `free` gives it a free joint named
+    ``<body_name>``; `collide` adds the collision pieces; `material` names a material of `spec` to wear instead of
+    the part's own. The visual geom is named ``<body_name>/visual`` and lies in `VISUAL_GROUP`.
+    """
+    body = spec.worldbody.add_body(name=body_name)
+    if free:
+        body.add_freejoint(name=body_name)
+    body.explicitinertial = True
+    body.mass = part.mass_kg
+    body.ipos = np.asarray(part.mesh.center_mass)
+    inertia = part.density_kg_m3 * np.asarray(part.mesh.moment_inertia)
+    body.fullinertia = [inertia[0, 0], inertia[1, 1], inertia[2, 2], inertia[0, 1], inertia[0, 2], inertia[1, 2]]
+
+    visual = _shared_mesh(spec, f"{part.name}/visual", part.mesh)
+    geom = body.add_geom(name=f"{body_name}/visual", type=mujoco.mjtGeom.mjGEOM_MESH, meshname=visual)
+    geom.contype = geom.conaffinity = 0
+    geom.group = VISUAL_GROUP
+    geom.mass = 0.0
+    if material is not None:
+        geom.material = material
+    else:
+        geom.material = _shared_material(spec, part)
+    if collide:
+        for k, piece in enumerate(part.collision):
+            mesh = _shared_mesh(spec, f"{part.name}/collision_{k}", piece)
+            geom = body.add_geom(
+                name=f"{body_name}/collision_{k}", type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh
+            )
+            geom.group = COLLISION_GROUP
+            geom.mass = 0.0
+            geom.rgba = [0.8, 0.3, 0.3, 0.4]
+    return body
+
+
+def _shared_mesh(spec: mujoco.MjSpec, name: str, mesh) -> str:
+    if spec.mesh(name) is None:
+        # Inertia comes from the body, so shells and thin pieces need no volume of their own here.
+        asset = spec.add_mesh(name=name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
+        asset.uservert = np.asarray(mesh.vertices, np.float32).ravel()
+        asset.userface = np.asarray(mesh.faces, np.int32).ravel()
+    return name
+
+
+def _shared_material(spec: mujoco.MjSpec, part: Part) -> str:
+    name = f"{part.name}/material"
+    if spec.material(name) is None:
+        look = part.material
+        spec.add_material(
+            name=name,
+            rgba=[*look.rgb, 1.0],
+            specular=look.specular,
+            shininess=look.shininess,
+            reflectance=look.reflectance,
+        )
+    return name

@@ -1,0 +1,75 @@
+"""`Part`: all that simpick knows about one kind of object."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import trimesh
+from jaxtyping import Float
+
+from simpick.errors import MeshError
+from simpick.geometry.symmetry import SymmetryGroup
+
+
+@dataclass(frozen=True)
+class Material:
+    """How a part looks: MuJoCo's material terms."""
+
+    rgb: tuple[float, float, float] = (0.6, 0.6, 0.62)
+    specular: float = 0.5
+    shininess: float = 0.5
+    reflectance: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One kind of part. The frame's origin is the centre of the mesh's axis-aligned bounding box."""
+
+    name: str
+    """Unique; letters, digits and underscores."""
+    mesh: trimesh.Trimesh
+    """Visual mesh in metres, watertight, in the part frame."""
+    collision: tuple[trimesh.Trimesh, ...]
+    """Convex pieces in the part frame that together stand for the mesh in contact."""
+    symmetries: SymmetryGroup = field(default_factory=SymmetryGroup)
+    density_kg_m3: float = 1200.0
+    material: Material = Material()
+    T_cad_part: Float[np.ndarray, "4 4"] = field(default_factory=lambda: np.eye(4))
+    """Leads from the part frame to the frame of the CAD file."""
+
+    def __post_init__(self) -> None:
+        centre = self.mesh.bounds.mean(axis=0)
+        if np.abs(centre).max() > 1e-6:
+            raise MeshError(f"part {self.name!r} must be centred on its bounding box, is off by {centre} m")
+        if not self.collision:
+            raise MeshError(f"part {self.name!r} needs at least one convex collision piece")
+
+    @cached_property
+    def mass_kg(self) -> float:
+        """Return density times the mesh's volume."""
+        return float(self.density_kg_m3 * self.mesh.volume)
+
+    @cached_property
+    def diameter_m(self) -> float:
+        """Return the largest distance between two vertices, as BOP's ``models_info`` defines it."""
+        hull = self.mesh.convex_hull.vertices
+        return float(np.sqrt(((hull[:, None] - hull[None]) ** 2).sum(-1).max()))
+
+    @cached_property
+    def extents_m(self) -> Float[np.ndarray, "3"]:
+        """Return the side lengths of the axis-aligned bounding box."""
+        return np.asarray(self.mesh.extents)
+
+    @cached_property
+    def content_hash(self) -> str:
+        """Return a hash of shape, mass, material and symmetry: the key of every cache about this part."""
+        digest = hashlib.sha256()
+        for mesh in (self.mesh, *self.collision):
+            digest.update(np.ascontiguousarray(mesh.vertices, "<f8").tobytes())
+            digest.update(np.ascontiguousarray(mesh.faces, "<i8").tobytes())
+        digest.update(np.ascontiguousarray(self.symmetries.transforms(8), "<f8").tobytes())
+        digest.update(repr((self.density_kg_m3, self.material)).encode())
+        return digest.hexdigest()[:16]

@@ -1,0 +1,4 @@
+"""Detectors and pose estimators."""
+
+from .base import Detector as Detector
+from .base import PoseEstimator as PoseEstimator

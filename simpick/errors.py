@@ -1,0 +1,57 @@
+"""Errors that simpick raises on purpose.
+
+Each text says what was expected, what came, and what to do next. Everything derives from `SimpickError`, so
+that the command line prints the text without a traceback, while programs catch the class they care about.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+class SimpickError(Exception):
+    """Base class: the message is complete and meant for a person."""
+
+
+class ConfigError(SimpickError, ValueError):
+    """A setting is out of range or contradicts another."""
+
+
+class UnknownNameError(SimpickError, LookupError):
+    """A name is not among those that exist; the message lists them."""
+
+    def __init__(self, kind: str, name: str, valid: Iterable[str], remedy: str = "") -> None:
+        self.kind, self.name, self.valid = kind, name, sorted(valid)
+        remedy = f" {remedy}" if remedy else ""
+        super().__init__(f"no {kind} named {name!r}. Valid: {', '.join(self.valid)}.{remedy}")
+
+
+class UnknownPartError(UnknownNameError):
+    """No part has this name, nor is it a path to a mesh file."""
+
+    def __init__(self, name: str, valid: Iterable[str]) -> None:
+        super().__init__("part", name, valid, "Bring your own with a path to an STL, OBJ, PLY or GLB file.")
+
+
+class MeshError(SimpickError, ValueError):
+    """A mesh file cannot become a part: unreadable, empty, NaN, open, flat, or of an unlikely size."""
+
+
+class RenderingUnavailableError(SimpickError, RuntimeError):
+    """No OpenGL back end works here; the message names the system package to install."""
+
+
+class OutputError(SimpickError, OSError):
+    """A result cannot be written where it was asked for, or something else stands there already."""
+
+
+class SceneError(SimpickError, RuntimeError):
+    """A scene cannot be built, settled, saved or loaded."""
+
+
+class DatasetError(SimpickError, ValueError):
+    """A data set on disk does not follow its format; the message names file, line or key."""
+
+
+class CheckpointError(SimpickError, ValueError):
+    """A weights file is corrupt, foreign, or of another model."""
