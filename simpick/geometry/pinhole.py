@@ -66,6 +66,8 @@ class Pinhole:
         return np.concatenate([xy, np.ones_like(xy[..., :1])], axis=-1) * np.asarray(depth_m)[..., None]
 
 
-def opencv_from_mujoco_camera(T_world_mjcamera: Float[np.ndarray, "*batch 4 4"]) -> Float[np.ndarray, "*batch 4 4"]:
+def opencv_from_mujoco_camera(
+    T_world_mjcamera: Float[np.ndarray, "*batch 4 4"],
+) -> Float[np.ndarray, "*batch 4 4"]:
     """Return T_world_camera (OpenCV axes) of a MuJoCo or OpenGL camera frame. Its own inverse."""
     return T_world_mjcamera @ _FLIP_YZ

@@ -7,7 +7,8 @@ from jaxtyping import Float
 
 
 def transform(
-    rotation: Float[np.ndarray, "*batch 3 3"] | None = None, translation: Float[np.ndarray, "*batch 3"] | None = None
+    rotation: Float[np.ndarray, "*batch 3 3"] | None = None,
+    translation: Float[np.ndarray, "*batch 3"] | None = None,
 ) -> Float[np.ndarray, "*batch 4 4"]:
     """Return T_a_b from its rotation (identity if None) and translation in metres (zero if None)."""
     rotation = np.eye(3) if rotation is None else np.asarray(rotation, float)

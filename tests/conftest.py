@@ -1,0 +1,13 @@
+"""Run-time shape checks for the whole package, and a private cache, during tests only."""
+
+import os
+import tempfile
+
+from jaxtyping import install_import_hook
+
+# Before any simpick module is imported, so that every annotated function is checked.
+_HOOK = install_import_hook("simpick", "beartype.beartype")
+
+# A test must neither find nor leave anything in the user's cache. One folder for the whole run, so that what is
+# expensive to make (verified grasps, templates) is made once, also across xdist's workers.
+os.environ.setdefault("SIMPICK_CACHE", os.path.join(tempfile.gettempdir(), f"simpick-tests-{os.getuid()}"))
