@@ -56,9 +56,7 @@ def add_part(
     if collide:
         for k, piece in enumerate(part.collision):
             mesh = _shared_mesh(spec, f"{part.name}/collision_{k}", piece)
-            geom = body.add_geom(
-                name=f"{body_name}/collision_{k}", type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh
-            )
+            geom = body.add_geom(name=f"{body_name}/collision_{k}", type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh)
             geom.group = COLLISION_GROUP
             geom.mass = 0.0
             geom.rgba = [0.8, 0.3, 0.3, 0.4]

@@ -1,4 +1,4 @@
 """Detectors and pose estimators."""
 
-from .base import Detector as Detector
-from .base import PoseEstimator as PoseEstimator
+from simpick.estimators.base import Detector as Detector
+from simpick.estimators.base import PoseEstimator as PoseEstimator

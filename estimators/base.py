@@ -1,4 +1,4 @@
-"""The two protocols that perception is made of. Third parties register theirs as ``simpick.estimators`` entry points."""
+"""The two protocols that perception is made of; third parties add theirs as ``simpick.estimators`` entry points."""
 
 from __future__ import annotations
 

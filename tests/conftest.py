@@ -2,6 +2,7 @@
 
 import os
 import tempfile
+from pathlib import Path
 
 from jaxtyping import install_import_hook
 
@@ -10,4 +11,4 @@ _HOOK = install_import_hook("simpick", "beartype.beartype")
 
 # A test must neither find nor leave anything in the user's cache. One folder for the whole run, so that what is
 # expensive to make (verified grasps, templates) is made once, also across xdist's workers.
-os.environ.setdefault("SIMPICK_CACHE", os.path.join(tempfile.gettempdir(), f"simpick-tests-{os.getuid()}"))
+os.environ.setdefault("SIMPICK_CACHE", str(Path(tempfile.gettempdir()) / f"simpick-tests-{os.getuid()}"))

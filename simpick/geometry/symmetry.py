@@ -44,9 +44,7 @@ class SymmetryGroup:
             raise ConfigError(f"discrete symmetries must have shape (n, 4, 4), got {self.discrete.shape}")
 
     @staticmethod
-    def cyclic(
-        order: int, axis: tuple[float, float, float] = (0.0, 0.0, 1.0), *, flips: bool = False
-    ) -> SymmetryGroup:
+    def cyclic(order: int, axis: tuple[float, float, float] = (0.0, 0.0, 1.0), *, flips: bool = False) -> SymmetryGroup:
         """Return the rotations by 2 pi / `order` about `axis`; `flips` adds half turns about normal axes (dihedral)."""
         angles = 2 * np.pi * np.arange(order) / order
         Rs = so3_exp(angles[:, None] * np.asarray(axis))
@@ -55,9 +53,7 @@ class SymmetryGroup:
         return SymmetryGroup(transform(Rs)[1:])
 
     @staticmethod
-    def revolution(
-        axis: tuple[float, float, float] = (0.0, 0.0, 1.0), *, flip: bool = False
-    ) -> SymmetryGroup:
+    def revolution(axis: tuple[float, float, float] = (0.0, 0.0, 1.0), *, flip: bool = False) -> SymmetryGroup:
         """Return all rotations about `axis`; `flip` adds the half turn that swaps its two ends."""
         discrete = transform(so3_exp(np.pi * _normal_to(axis)))[None] if flip else np.zeros((0, 4, 4))
         return SymmetryGroup(discrete, (ContinuousSymmetry(axis),))
@@ -77,10 +73,7 @@ class SymmetryGroup:
             return self._with_identity
         angles = 2 * np.pi * np.arange(steps) / steps
         return np.concatenate(
-            [
-                (s.rotation(angles)[:, None] @ self._with_identity[None]).reshape(-1, 4, 4)
-                for s in self.continuous
-            ]
+            [(s.rotation(angles)[:, None] @ self._with_identity[None]).reshape(-1, 4, 4) for s in self.continuous]
         )
 
 
