@@ -1,0 +1,31 @@
+"""The part library: names, and `get_part`, which takes a name or a path to a mesh file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+
+from simpick.assets import fasteners
+from simpick.assets.part import Part
+from simpick.errors import UnknownPartError
+
+_BUILDERS: dict[str, Callable[[], Part]] = {
+    build.__name__: build
+    for build in (
+        fasteners.hex_bolt,
+        fasteners.hex_nut,
+    )
+}
+
+
+def part_names() -> list[str]:
+    """Return the names that `get_part` takes, sorted."""
+    return sorted(_BUILDERS)
+
+
+@lru_cache(maxsize=256)
+def get_part(name_or_path: str) -> Part:
+    """Return a part. Raises `UnknownPartError`."""
+    if name_or_path not in _BUILDERS:
+        raise UnknownPartError(name_or_path, part_names())
+    return _BUILDERS[name_or_path]()
