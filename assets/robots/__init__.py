@@ -1,0 +1,1 @@
+"""Robot arms, built in code from primitive geoms."""
