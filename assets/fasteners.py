@@ -7,7 +7,7 @@ from manifold3d import Manifold
 
 from simpick.assets import solids as s
 from simpick.assets.part import Part
-from simpick.assets.stock import STEEL, ZINC_YELLOW
+from simpick.assets.stock import ALUMINIUM, BLACK_STEEL, BRASS, STEEL, ZINC_YELLOW
 from simpick.geometry.symmetry import SymmetryGroup
 
 
@@ -42,7 +42,59 @@ def hex_nut() -> Part:
     """Hexagon nut, 32 across flats, bore 18."""
     body = _chamfered_hexagon(32.0, -8.0, 8.0, both_ends=True)
     bore = s.revolve([(0, -9), (11, -9), (11, -8), (9, -6), (9, 6), (11, 8), (11, 9), (0, 9)])
-    # A disc of the hexagon's area, because ring_pieces draws its polygons by equal area.
-    outer = 32.0 * np.sqrt(np.sqrt(3.0) / (2 * np.pi))
-    pieces = s.ring_pieces(9.0, outer, -8.0, 8.0, segments=6, outer_facets=1)
+    pieces = s.ring_pieces(s.regular(6, 32.0), 9.0, -8.0, 8.0)
     return s.finish("hex_nut", s.cut(body, bore), pieces, ZINC_YELLOW, SymmetryGroup.cyclic(6, flips=True))
+
+
+def socket_screw() -> Part:
+    """Socket head cap screw, 12 x 40: a round part that only the hexagon in its head turns into a discrete one."""
+    head = s.revolve([(0, 0), (9.0, 0), (9.0, 10.8), (7.8, 12.0), (0, 12.0)])
+    socket = s.extrude(s.regular(6, 10.0), 5.0, 13.0)
+    shank = s.union(s.cylinder(6.0, -12.0, 0.5), _thread(6.0, -40.0, -12.0, 2.3))
+    pieces = [s.round_piece(9.0, 0.0, 12.0), s.round_piece(5.8, -40.0, 0.0)]
+    return s.finish("socket_screw", s.cut(s.union(head, shank), socket), pieces, BLACK_STEEL, SymmetryGroup.cyclic(6))
+
+
+def wing_nut() -> Part:
+    """Wing nut, 56 over its wings."""
+    hub = s.revolve([(0, 0), (11.0, 0), (11.0, 5.0), (8.5, 16.0), (0, 16.0)])
+    outline = s.polygon([(0, 2), (9, 2), (15, 10), (28, 17), (28, 26), (21, 28), (9, 13), (0, 13)], round_corners=2.0)
+    wing = s.upright(s.extrude(outline, -2.5, 2.5))
+    solid = s.cut(s.union(hub, wing, wing.rotate((0.0, 0.0, 180.0))), s.cylinder(5.0, -1.0, 17.0))
+    lower = s.extrude(s.polygon([(8, 3), (10, 2.5), (15.5, 10.5), (19, 24.5), (8, 12)]), -2.5, 2.5)
+    upper = s.extrude(s.polygon([(15, 10.5), (27.5, 17.5), (27.7, 25.5), (21, 27.6), (18, 23.6)]), -2.5, 2.5)
+    wings = [piece.rotate((90.0, 0.0, turn)) for piece in (lower, upper) for turn in (0.0, 180.0)]
+    pieces = [s.round_piece(11.0, 0.0, 16.0, top_radius=8.5), *wings]
+    return s.finish("wing_nut", solid, pieces, BRASS, SymmetryGroup.cyclic(2))
+
+
+def eye_bolt() -> Part:
+    """Eye bolt: a ring of 20 bore on a collar and a threaded shank."""
+    ring = s.upright(s.revolve([(10 + 4.5 + 4.5 * c, 4.5 * n) for c, n in _unit_circle(16)])).translate((0, 0, 20.0))
+    collar = s.revolve([(0, 0), (9.0, 0), (9.0, 3.0), (6.0, 7.5), (0, 7.5)])
+    shank = _thread(6.0, -28.0, 0.5, 2.3)
+    segments = s.ring_pieces(s.round_outline(18.6), 10.4, -3.9, 3.9, segments=8)
+    pieces = [s.upright(piece).translate((0, 0, 20.0)) for piece in segments]
+    pieces += [s.round_piece(9.0, 0.0, 7.5, top_radius=6.0), s.round_piece(5.8, -28.0, 0.0)]
+    return s.finish("eye_bolt", s.union(ring, collar, shank), pieces, STEEL, SymmetryGroup.cyclic(2))
+
+
+def clevis_pin() -> Part:
+    """Headed pin, 14 x 52, with a cross hole for a cotter at its end."""
+    head = s.revolve([(0, 0), (11.0, 0), (11.0, 4.0), (10.0, 5.0), (0, 5.0)])
+    shank = s.revolve([(0, -52), (6.0, -52), (7.0, -51), (7.0, 0.5), (0, 0.5)])
+    hole = s.along_x(s.cylinder(2.5, -10.0, 10.0, facets=24)).translate((0, 0, -45.0))
+    pieces = [s.round_piece(11.0, 0.0, 5.0), s.round_piece(7.0, -52.0, 0.0)]
+    return s.finish("clevis_pin", s.cut(s.union(head, shank), hole), pieces, ALUMINIUM, SymmetryGroup.cyclic(2))
+
+
+def bushing() -> Part:
+    """Plain bearing bush, bore 20: a full revolution, and its two ends are alike."""
+    profile = [(10, -14), (10, -15), (14.2, -15), (15, -14.2), (15, 14.2), (14.2, 15), (10, 15)]
+    pieces = s.ring_pieces(s.round_outline(15.0), 10.0, -15.0, 15.0, segments=8)
+    return s.finish("bushing", s.revolve(profile), pieces, BRASS, SymmetryGroup.revolution(flip=True))
+
+
+def _unit_circle(count: int) -> list[tuple[float, float]]:
+    angles = 2 * np.pi * np.arange(count) / count
+    return [(float(np.cos(a)), float(np.sin(a))) for a in angles]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import lru_cache
 
-from simpick.assets import fasteners
+from simpick.assets import brackets, fasteners, fittings, mechanics, mouldings
 from simpick.assets.part import Part
 from simpick.errors import UnknownPartError
 
@@ -14,6 +14,32 @@ _BUILDERS: dict[str, Callable[[], Part]] = {
     for build in (
         fasteners.hex_bolt,
         fasteners.hex_nut,
+        fasteners.socket_screw,
+        fasteners.wing_nut,
+        fasteners.eye_bolt,
+        fasteners.clevis_pin,
+        fasteners.bushing,
+        fittings.pipe_tee,
+        fittings.pipe_elbow,
+        fittings.hub_flange,
+        fittings.tri_flange,
+        fittings.hose_barb,
+        brackets.l_bracket,
+        brackets.z_bracket,
+        brackets.clevis_fork,
+        brackets.pillow_block,
+        brackets.hinge_leaf,
+        brackets.crane_hook,
+        mechanics.connecting_rod,
+        mechanics.spur_gear,
+        mechanics.keyed_shaft,
+        mechanics.crank_arm,
+        mechanics.vee_pulley,
+        mouldings.star_knob,
+        mouldings.snap_clip,
+        mouldings.sensor_housing,
+        mouldings.cable_clip,
+        mouldings.terminal_block,
     )
 }
 

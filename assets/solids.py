@@ -24,7 +24,7 @@ MM = 1e-3
 """Metres in a millimetre."""
 FACETS = 48
 """Facets of a round surface that is seen: a multiple of 2, 3, 4, 6, 8, 12, so that it keeps those symmetries."""
-COLLISION_FACETS = 20
+COLLISION_FACETS = 24
 """Facets of a round surface in contact."""
 
 Point2: TypeAlias = tuple[float, float]
@@ -54,6 +54,17 @@ def polygon(points: Sequence[Point2], *, round_corners: float = 0.0) -> CrossSec
 def rounded(section: CrossSection, radius: float) -> CrossSection:
     """Return the section with convex corners rounded: shrunk with sharp corners, then grown with round ones."""
     return section.offset(-radius, JoinType.Miter, 10.0).offset(radius, JoinType.Round, 2.0, FACETS // 2)
+
+
+def rectangle(low: Point2, high: Point2) -> CrossSection:
+    """Return the rectangle between two corners."""
+    return CrossSection.square((high[0] - low[0], high[1] - low[1])).translate(low)
+
+
+def slot(length: float, radius: float) -> CrossSection:
+    """Return an oblong along x: all within `radius` of a line of this length about the origin."""
+    ends = [circle(radius, (x, 0.0), facets=FACETS // 2) for x in (-0.5 * length, 0.5 * length)]
+    return CrossSection.batch_hull(ends)
 
 
 def circle(radius: float, centre: Point2 = (0.0, 0.0), *, facets: int = FACETS) -> CrossSection:
@@ -91,9 +102,9 @@ def along_x(solid: Manifold) -> Manifold:
     return solid.rotate((0.0, 90.0, 0.0))
 
 
-def along_y(solid: Manifold) -> Manifold:
-    """Turn a solid about x so that its z axis becomes y (and its y axis becomes -z)."""
-    return solid.rotate((-90.0, 0.0, 0.0))
+def upright(solid: Manifold) -> Manifold:
+    """Turn a solid about x so that its y axis becomes z (and its z axis becomes -y): a profile drawn in x-z."""
+    return solid.rotate((90.0, 0.0, 0.0))
 
 
 def ring_of(solid: Manifold, count: int) -> list[Manifold]:
@@ -118,38 +129,31 @@ def round_piece(
     return cylinder(radius * grow, z0, z1, facets=facets, top_radius=top * grow)
 
 
-def ring_pieces(
-    inner: float,
-    outer: float,
-    z0: float,
-    z1: float,
-    *,
-    segments: int = 6,
-    start_deg: float = 0.0,
-    sweep_deg: float = 360.0,
-    outer_facets: int = 4,
-) -> list[Manifold]:
-    """Return the collision pieces of a ring about z: the hole stays a hole, as a polygon of `segments` sides.
+def round_outline(radius: float, *, facets: int = COLLISION_FACETS) -> CrossSection:
+    """Return the polygon that stands for a disc in contact."""
+    return circle(equal_area_radius(radius, facets), facets=facets)
 
-    `outer_facets` is the number of flat faces of each segment's outer side; 1 makes the outside a polygon too.
+
+def ring_pieces(
+    outline: CrossSection, bore: float, z0: float, z1: float, *, segments: int = 6, start_deg: float = 0.0
+) -> list[Manifold]:
+    """Return the collision pieces of a convex outline around a bore of this radius: sectors about z.
+
+    The hole stays a hole, as a polygon of `segments` (>= 3) sides of equal area.
     """
-    step = np.radians(sweep_deg) / segments
-    inner_corner = inner * np.sqrt(step / np.sin(step))
-    outer_step = step / outer_facets
-    outer_corner = outer * np.sqrt(outer_step / np.sin(outer_step))
+    near, far = equal_area_radius(bore, segments), 1e3
     pieces = []
     for k in range(segments):
-        angle = np.radians(start_deg) + k * step
-        inside = [(inner_corner, angle), (inner_corner, angle + step)]
-        outside = [(outer_corner, angle + j * outer_step) for j in range(outer_facets + 1)]
-        corners = np.array([(r * np.cos(a), r * np.sin(a)) for r, a in inside + outside])
-        pieces.append(CrossSection.hull_points(corners).extrude(z1 - z0).translate((0.0, 0.0, z0)))
+        angles = np.radians(start_deg) + 2 * np.pi * np.array([k, k + 1]) / segments
+        directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+        wedge = CrossSection.hull_points(np.concatenate([near * directions, far * directions]))
+        pieces.append(extrude(outline ^ wedge, z0, z1))
     return pieces
 
 
-def hull(*points: Point3) -> Manifold:
-    """Return the convex hull of points."""
-    return Manifold.hull_points(np.asarray(points, float))
+def hull(*solids: Manifold) -> Manifold:
+    """Return the convex hull of solids."""
+    return Manifold.batch_hull(list(solids))
 
 
 # From solid to part --------------------------------------------------------------------------------------------------
