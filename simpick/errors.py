@@ -49,6 +49,10 @@ class SceneError(SimpickError, RuntimeError):
     """A scene cannot be built, settled, saved or loaded."""
 
 
+class SimulationFaultError(SceneError):
+    """The physics diverged: not-a-number, or speeds that nothing in the cell can have. The scene is lost."""
+
+
 class DatasetError(SimpickError, ValueError):
     """A data set on disk does not follow its format; the message names file, line or key."""
 

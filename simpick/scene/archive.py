@@ -1,0 +1,76 @@
+"""The file that a scene is saved in: configuration, parts' hashes and MuJoCo's state, in one ``.npz``."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from jaxtyping import Float, Int
+
+from simpick.errors import OutputError, SceneError
+from simpick.scene.config import SceneConfig
+
+_FORMAT = "simpick-scene-1"
+STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+"""All that MuJoCo integrates, controls and warm start included."""
+
+
+@dataclass(frozen=True, eq=False)
+class SceneArchive:
+    """What the file holds."""
+
+    config: SceneConfig
+    seed: int
+    part_hashes: tuple[str, ...]
+    """`Part.content_hash` of every instance."""
+    removed: tuple[int, ...]
+    redropped: int
+    state: Float[np.ndarray, "state"]
+    """MuJoCo's integration state."""
+    asleep: Int[np.ndarray, "trees"]
+    """``data.tree_asleep``, which MuJoCo does not count as state but which decides what the next step computes."""
+
+
+def write_archive(path: Path, archive: SceneArchive) -> None:
+    """Write `archive` to `path`; raises OutputError where that is impossible."""
+    header = {
+        "format": _FORMAT,
+        "mujoco": mujoco.__version__,
+        "config": archive.config.to_dict(),
+        "seed": archive.seed,
+        "part_hashes": archive.part_hashes,
+        "removed": archive.removed,
+        "redropped": archive.redropped,
+    }
+    try:
+        with path.open("wb") as file:
+            np.savez_compressed(file, header=np.array(json.dumps(header)), state=archive.state, asleep=archive.asleep)
+    except OSError as error:
+        raise OutputError(f"cannot write the scene to {path}: {error.strerror}; choose a writable folder") from error
+
+
+def read_archive(path: Path) -> SceneArchive:
+    """Read what `write_archive` wrote; raises SceneError where the file is missing, foreign or corrupt."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            header = json.loads(str(file["header"]))
+            state, asleep = file["state"], file["asleep"]
+        if header["format"] != _FORMAT:
+            raise SceneError(f"{path} must have the format {_FORMAT}, got {header['format']}; build the scene anew")
+        return SceneArchive(
+            SceneConfig.from_dict(header["config"]),
+            header["seed"],
+            tuple(header["part_hashes"]),
+            tuple(header["removed"]),
+            header["redropped"],
+            state,
+            asleep,
+        )
+    except FileNotFoundError as error:
+        raise SceneError(f"no scene file at {path}; write one with Scene.save") from error
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise SceneError(f"{path} is not a scene file that simpick wrote: {error}") from error

@@ -1,0 +1,69 @@
+"""The scene's cameras: where they stand, and their intrinsics and poses while the scene moves."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from simpick.errors import UnknownNameError
+from simpick.geometry.pinhole import Pinhole, opencv_from_mujoco_camera
+from simpick.geometry.transforms import look_at, quaternion_from_matrix, transform
+from simpick.scene.config import CameraConfig, SceneConfig
+from simpick.scene.workspace import BIN_CENTRE_M
+
+OVERHEAD, WRIST, OVERVIEW = "overhead", "wrist", "overview"
+"""Names of the cameras: above the bin (image up is world +x, image right is world -y), on the hand, for people."""
+
+_OVERVIEW_EYE_M = np.array([1.45, -1.05, 0.95])
+_OVERVIEW_TARGET_M = np.array([0.30, -0.12, 0.17])
+# On the side of the hand, off the fingers' closing axis (x), tilted so that the axis passes below the fingertips.
+_WRIST_EYE_M = np.array([0.0, -0.085, 0.015])
+_WRIST_TARGET_M = np.array([0.0, 0.0, 0.26])
+
+
+def overhead_pose(config: SceneConfig) -> Float[np.ndarray, "4 4"]:
+    """Return the nominal T_world_camera of the overhead camera (OpenCV axes)."""
+    eye = np.array(BIN_CENTRE_M) + np.array([0.0, 0.0, config.overhead_height_m])
+    return look_at(eye, np.array(BIN_CENTRE_M))
+
+
+def add_fixed_cameras(spec: mujoco.MjSpec, config: SceneConfig, T_camera_jittered: Float[np.ndarray, "4 4"]) -> None:
+    """Add the overhead camera, displaced by its jitter, and the overview camera."""
+    _add(spec.worldbody, OVERHEAD, overhead_pose(config) @ T_camera_jittered, config.overhead)
+    _add(spec.worldbody, OVERVIEW, look_at(_OVERVIEW_EYE_M, _OVERVIEW_TARGET_M), config.overview)
+
+
+def add_wrist_camera(body: mujoco.MjsBody, T_body_flange: Float[np.ndarray, "4 4"], config: CameraConfig) -> None:
+    """Add the wrist camera to the arm's last body; the flange's +z points away from the arm."""
+    T_flange_camera = look_at(_WRIST_EYE_M, _WRIST_TARGET_M, up=np.array([0.0, -1.0, 0.0]))
+    _add(body, WRIST, T_body_flange @ T_flange_camera, config)
+
+
+def _add(body: mujoco.MjsBody, name: str, T_body_camera: Float[np.ndarray, "4 4"], config: CameraConfig) -> None:
+    T_body_mjcamera = opencv_from_mujoco_camera(T_body_camera)
+    camera = body.add_camera(name=name, fovy=config.fovy_deg)
+    camera.resolution = [config.width_px, config.height_px]
+    camera.pos = T_body_mjcamera[:3, 3]
+    camera.quat = quaternion_from_matrix(T_body_mjcamera[:3, :3])
+
+
+def camera_pinhole(model: mujoco.MjModel, name: str) -> Pinhole:
+    """Return the intrinsics of a camera of `model`; raises UnknownNameError."""
+    k = camera_id(model, name)
+    width, height = model.cam_resolution[k]
+    return Pinhole.from_fovy(int(width), int(height), float(model.cam_fovy[k]))
+
+
+def camera_pose(model: mujoco.MjModel, data: mujoco.MjData, name: str) -> Float[np.ndarray, "4 4"]:
+    """Return T_world_camera (OpenCV axes) as of the last kinematics; raises UnknownNameError."""
+    k = camera_id(model, name)
+    return opencv_from_mujoco_camera(transform(data.cam_xmat[k].reshape(3, 3), data.cam_xpos[k]))
+
+
+def camera_id(model: mujoco.MjModel, name: str) -> int:
+    """Return MuJoCo's index of a camera; raises UnknownNameError with those that exist."""
+    k = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, name)
+    if k < 0:
+        raise UnknownNameError("camera", name, [model.camera(i).name for i in range(model.ncam)])
+    return k

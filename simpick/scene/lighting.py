@@ -1,0 +1,39 @@
+"""Lamps, ambient light and the costs of rendering them."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from simpick.scene.randomization import Look
+from simpick.scene.workspace import BIN_CENTRE_M
+
+SHADOW_MAP_PX = 1024
+"""Side of the shadow map: MuJoCo's default of 4096 costs four times as much on a software renderer."""
+SAMPLES_PER_PIXEL = 2
+"""Anti-aliasing samples."""
+
+
+def add_lighting(spec: mujoco.MjSpec, look: Look) -> None:
+    """Add the lamps of `look`, which aim at the bin, and set ambient light and quality."""
+    spec.visual.quality.shadowsize = SHADOW_MAP_PX
+    spec.visual.quality.offsamples = SAMPLES_PER_PIXEL
+    # The clipping planes scale with the extent, so both are fixed: 0.02 to 10 m.
+    spec.stat.extent = 1.0
+    spec.stat.center = [*BIN_CENTRE_M[:2], 0.1]
+    spec.visual.map.znear = 0.02
+    spec.visual.map.zfar = 10.0
+    # The head light sits at the camera and would flatten every shape; only its ambient part is used.
+    spec.visual.headlight.diffuse = [0.0, 0.0, 0.0]
+    spec.visual.headlight.specular = [0.0, 0.0, 0.0]
+    spec.visual.headlight.ambient = [look.ambient] * 3
+    for k, lamp in enumerate(look.lamps):
+        light = spec.worldbody.add_light(name=f"lamp_{k}", pos=lamp.position_m)
+        light.dir = np.array(BIN_CENTRE_M) - lamp.position_m
+        light.type = mujoco.mjtLightType.mjLIGHT_SPOT
+        light.cutoff = 50.0
+        light.exponent = 2.0
+        light.diffuse = lamp.rgb
+        light.specular = 0.5 * lamp.rgb
+        light.ambient = [0.0, 0.0, 0.0]
+        light.castshadow = lamp.casts_shadow

@@ -1,0 +1,256 @@
+"""`Scene`: a bin of parts in simulation, and the truth about it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from jaxtyping import Float, Int
+
+from simpick.assets.grippers import Gripper
+from simpick.assets.library import get_part
+from simpick.assets.part import Part
+from simpick.assets.robots.registry import Robot, get_robot
+from simpick.errors import SceneError, SimulationFaultError
+from simpick.geometry.pinhole import Pinhole
+from simpick.geometry.transforms import transform
+from simpick.records import InstanceTruth
+from simpick.scene.archive import STATE, SceneArchive, read_archive, write_archive
+from simpick.scene.cameras import camera_pinhole, camera_pose
+from simpick.scene.composition import body_name, compose_scene, draw_parts
+from simpick.scene.config import SceneConfig
+from simpick.scene.contacts import ContactGroup, contacts_between, group_of_geom, normal_forces
+from simpick.scene.parking import park, release, wake_all
+from simpick.scene.robot import go_home, gripper_handle
+from simpick.scene.workspace import bin_zone, chute_zone
+
+MAX_SPEED = 100.0
+"""Any joint faster than this (m/s or rad/s) means that the physics has diverged: a part thrown across the cell and
+spinning stays well below."""
+_FAULTS = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+
+
+@dataclass(frozen=True, eq=False)
+class Instance:
+    """One part in the scene."""
+
+    instance: int
+    """Number of the instance, from 0; body and free joint are named ``part_<number>``."""
+    part: Part
+    body_id: int
+    qpos_adr: int
+    """Its position and quaternion wxyz are ``data.qpos[qpos_adr : qpos_adr + 7]``."""
+    dof_adr: int
+    """Its velocity is ``data.qvel[dof_adr : dof_adr + 6]``."""
+
+
+class Scene:
+    """A bin of parts with arm, gripper and cameras. Make one with `build_scene` or `Scene.load`.
+
+    All poses are as of the last kinematics; `step` and everything here that moves things brings them up to date,
+    so that images, truth and contacts belong together.
+    """
+
+    def __init__(self, config: SceneConfig, seed: int, parts: Sequence[Part], model: mujoco.MjModel) -> None:
+        self.config = config
+        self.seed = seed
+        self.model = model
+        self.data = mujoco.MjData(model)
+        self.robot: Robot | None = get_robot(config.robot) if config.robot is not None else None
+        self.gripper: Gripper | None = gripper_handle(config) if config.robot is not None else None
+        self.redropped = 0
+        """How many times a part had to be dropped again while the bin was filled."""
+        self._removed: set[int] = set()
+        self.instances: tuple[Instance, ...] = tuple(self._instance(k, part) for k, part in enumerate(parts))
+        self.instance_of_geom: Int[np.ndarray, "geoms"] = np.full(model.ngeom, -1, np.int32)
+        """Instance number of each geom; -1 for everything that is no part."""
+        for instance in self.instances:
+            self.instance_of_geom[model.geom_bodyid == instance.body_id] = instance.instance
+        self.group_of_geom: Int[np.ndarray, "geoms"] = group_of_geom(model)
+        """`ContactGroup` of each geom."""
+
+    def _instance(self, k: int, part: Part) -> Instance:
+        joint = self.model.joint(body_name(k))
+        return Instance(k, part, self.model.body(body_name(k)).id, int(joint.qposadr[0]), int(joint.dofadr[0]))
+
+    # -- time ---------------------------------------------------------------------------------------------------
+
+    @property
+    def time_s(self) -> float:
+        """Return the simulated time since the bin was settled."""
+        return float(self.data.time)
+
+    def step(self, steps: int = 1, on_step: Callable[[Scene], None] | None = None) -> None:
+        """Simulate; `on_step` is called after every single step. Raises SimulationFaultError on divergence."""
+        if on_step is None:
+            mujoco.mj_step(self.model, self.data, nstep=steps)
+        else:
+            for _ in range(steps):
+                mujoco.mj_step(self.model, self.data)
+                on_step(self)
+        self.check_finite()
+        self.update_kinematics()
+
+    def update_kinematics(self) -> None:
+        """Bring the poses of bodies, sites, cameras and lights up to date with the joints."""
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_camlight(self.model, self.data)
+
+    def check_finite(self) -> None:
+        """Raise SimulationFaultError where the physics has diverged."""
+        data = self.data
+        speed = np.abs(data.qvel).max(initial=0.0)
+        warned = [warning.name for warning in _FAULTS if data.warning[warning].number > 0]
+        if warned or not np.isfinite(speed) or speed > MAX_SPEED or not np.all(np.isfinite(data.qpos)):
+            raise SimulationFaultError(
+                f"the physics diverged at {data.time:.3f} s (largest joint speed {speed:.3g}"
+                f"{', ' + ', '.join(warned) if warned else ''}); the scene cannot be used further"
+            )
+
+    # -- truth --------------------------------------------------------------------------------------------------
+
+    @property
+    def positions_m(self) -> Float[np.ndarray, "instances 3"]:
+        """Return where the origins of all instances are, removed ones included."""
+        return np.stack([self.data.qpos[i.qpos_adr : i.qpos_adr + 3] for i in self.instances])
+
+    def T_world_part(self, instance: int) -> Float[np.ndarray, "4 4"]:
+        """Return the true pose of an instance."""
+        body = self.instances[instance].body_id
+        return transform(self.data.xmat[body].reshape(3, 3), self.data.xpos[body].copy())
+
+    def truth(self) -> tuple[InstanceTruth, ...]:
+        """Return the true pose of every instance that has not been removed."""
+        inside = set(self.parts_in_bin())
+        return tuple(
+            InstanceTruth(i.instance, i.part.name, self.T_world_part(i.instance), i.instance in inside)
+            for i in self.instances
+            if i.instance not in self._removed
+        )
+
+    def parts_in_bin(self) -> tuple[int, ...]:
+        """Return the instances whose centre lies in the bin, or on the heap up to 6 cm over its rim."""
+        return self._where(bin_zone(self.config.bin).contains(self.positions_m))
+
+    def parts_in_chute(self) -> tuple[int, ...]:
+        """Return the delivered instances that still lie in the chute."""
+        return self._where(chute_zone().contains(self.positions_m))
+
+    def parts_elsewhere(self) -> tuple[int, ...]:
+        """Return the instances neither in the bin nor in the chute: held, in flight, or lost on the table."""
+        found = {*self.parts_in_bin(), *self.parts_in_chute(), *self._removed}
+        return tuple(i.instance for i in self.instances if i.instance not in found)
+
+    @property
+    def removed(self) -> tuple[int, ...]:
+        """Return the instances that were taken out of the scene."""
+        return tuple(sorted(self._removed))
+
+    def in_bin(self, instance: int) -> bool:
+        """Return whether an instance counts as in the bin."""
+        return instance in self.parts_in_bin()
+
+    def in_chute(self, instance: int) -> bool:
+        """Return whether an instance lies in the chute."""
+        return instance in self.parts_in_chute()
+
+    def _where(self, mask: np.ndarray) -> tuple[int, ...]:
+        return tuple(int(k) for k in np.flatnonzero(mask) if int(k) not in self._removed)
+
+    # -- cameras ------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def cameras(self) -> tuple[str, ...]:
+        """Return the names of the cameras."""
+        return tuple(self.model.camera(k).name for k in range(self.model.ncam))
+
+    def camera(self, name: str) -> tuple[Pinhole, Float[np.ndarray, "4 4"]]:
+        """Return a camera's intrinsics and T_world_camera (OpenCV axes); raises UnknownNameError."""
+        return camera_pinhole(self.model, name), camera_pose(self.model, self.data, name)
+
+    # -- contacts -----------------------------------------------------------------------------------------------
+
+    def touching(self, a: ContactGroup, b: ContactGroup) -> bool:
+        """Return whether any two geoms of these groups press on each other, as of the last step."""
+        return self.contact_force_n(a, b) > 0
+
+    def contact_force_n(self, a: ContactGroup, b: ContactGroup) -> float:
+        """Return the largest normal force between these groups, as of the last step; 0 without contact."""
+        selected = contacts_between(self.data, self.group_of_geom, a, b)
+        return float(normal_forces(self.data)[selected].max(initial=0.0))
+
+    def instances_touching(self, group: ContactGroup) -> tuple[int, ...]:
+        """Return the instances that press on a geom of `group`, as of the last step."""
+        selected = contacts_between(self.data, self.group_of_geom, ContactGroup.PART, group)
+        selected &= normal_forces(self.data) > 0
+        found = np.unique(self.instance_of_geom[self.data.contact.geom[selected]])
+        return tuple(int(k) for k in found if k >= 0)
+
+    # -- changes ------------------------------------------------------------------------------------------------
+
+    def remove(self, instance: int) -> None:
+        """Take an instance out of the cell for good: it is parked far away and counted nowhere any more."""
+        if not 0 <= instance < len(self.instances):
+            raise SceneError(f"instance must be between 0 and {len(self.instances) - 1}, got {instance}")
+        if instance not in self._removed:
+            self._removed.add(instance)
+            park(self.model, self.data, body_name(instance), instance)
+            wake_all(self.model, self.data)
+            self.update_kinematics()
+
+    def place(self, Ts_world_part: Mapping[int, Float[np.ndarray, "4 4"]]) -> None:
+        """Put instances, at rest, wherever one wants; removed ones come back."""
+        for instance, T_world_part in Ts_world_part.items():
+            self._removed.discard(instance)
+            release(self.model, self.data, body_name(instance), T_world_part)
+        wake_all(self.model, self.data)
+        self.update_kinematics()
+
+    def go_home(self) -> None:
+        """Put arm and gripper into their rest pose at once, without simulating the way there."""
+        if self.robot is not None and self.gripper is not None:
+            go_home(self.model, self.data, self.robot, self.gripper)
+            self.update_kinematics()
+
+    # -- files --------------------------------------------------------------------------------------------------
+
+    def save(self, path: str | Path) -> Path:
+        """Write everything to one file from which `load` continues bit for bit; raises OutputError."""
+        path = Path(path)
+        state = np.zeros(mujoco.mj_stateSize(self.model, STATE))
+        mujoco.mj_getState(self.model, self.data, state, STATE)
+        hashes = tuple(i.part.content_hash for i in self.instances)
+        asleep = self.data.tree_asleep.copy()
+        write_archive(path, SceneArchive(self.config, self.seed, hashes, self.removed, self.redropped, state, asleep))
+        return path
+
+    @staticmethod
+    def load(path: str | Path) -> Scene:
+        """Read a scene that `save` wrote; raises SceneError where the file or a part has changed since."""
+        path = Path(path)
+        archive = read_archive(path)
+        config, seed = archive.config, archive.seed
+        parts = draw_parts([get_part(name) for name in config.parts], config.count, seed)
+        for part, expected in zip(parts, archive.part_hashes, strict=True):
+            if part.content_hash != expected:
+                raise SceneError(
+                    f"part {part.name!r} must have the content hash {expected} of the scene in {path}, got"
+                    f" {part.content_hash}: its shape, material or density has changed; build the scene anew"
+                )
+        scene = Scene(config, seed, parts, compose_scene(config, parts, seed).compile())
+        scene.redropped = archive.redropped
+        scene._removed = set(archive.removed)
+        scene._restore(archive.state, archive.asleep)
+        return scene
+
+    def _restore(self, state: Float[np.ndarray, "state"], asleep: Int[np.ndarray, "trees"]) -> None:
+        mujoco.mj_setState(self.model, self.data, state, STATE)
+        # All awake, so that the poses of sleeping parts are computed too; that spoils the warm start, hence twice.
+        wake_all(self.model, self.data)
+        mujoco.mj_setState(self.model, self.data, state, STATE)
+        self.data.tree_asleep[:] = asleep
+        self.update_kinematics()
