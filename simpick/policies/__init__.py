@@ -1,1 +1,5 @@
-"""Policies."""
+"""Policies: perception, grasp choice and memory of failures, behind one method, `act`."""
+
+from simpick.policies.base import Policy as Policy
+from simpick.policies.perception import Percept as Percept
+from simpick.policies.perception import Perception as Perception

@@ -1,0 +1,46 @@
+# make demo: fill a bin, look at it, empty it, record it.   make test: all tests.
+# Both set up what they need: a virtual environment in .venv, the package, and system OpenGL where missing.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+
+.PHONY: demo test lint doctor install clean
+.DEFAULT_GOAL := help
+.PHONY: help
+help:
+	@echo "make demo     run the main job: a bin of parts is filled, seen, emptied and recorded in logs/demo"
+	@echo "make test     run the tests"
+	@echo "make lint     run ruff and pyright"
+	@echo "make doctor   say what is installed and what to mend"
+	@echo "make clean    remove the virtual environment and caches (logs/ stays)"
+
+$(READY): pyproject.toml .ci/constraints.txt .ci/ensure-gl
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "simpick needs Python 3.11 or newer, $(PYTHON) is $$($(PYTHON) --version 2>&1). Try: make PYTHON=python3.12 $(MAKECMDGOALS)" >&2; exit 1; }
+	@$(PYTHON) -m venv $(VENV) || \
+	  { echo "could not make a virtual environment; on Debian or Ubuntu: sudo apt-get install -y python3-venv" >&2; exit 1; }
+	$(BIN)/python -m pip install --quiet --constraint .ci/constraints.txt --editable '.[dev]'
+	.ci/ensure-gl $(BIN)/python
+	@touch $@
+
+install: $(READY)
+
+demo: $(READY)
+	$(BIN)/simpick run --out logs/demo --record --overwrite
+
+test: $(READY)
+	$(BIN)/python -m pytest -n 2
+
+lint: $(READY)
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/pyright
+
+doctor: $(READY)
+	$(BIN)/simpick doctor
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,1 @@
+"""Gymnasium environments; ids are registered by ``import simpick``."""

@@ -1,0 +1,56 @@
+"""Actions of `BinPickEnv`: a TCP pose and an opening as ten numbers in [-1, 1], and back."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float, Float32
+
+from simpick.assets.grippers import JAW_STROKE_M
+from simpick.errors import ConfigError
+from simpick.geometry import matrix_from_rotation6d, rotation6d_from_matrix, transform
+from simpick.scene.workspace import Box
+
+ABSTAIN: Float32[np.ndarray, "10"] = np.zeros(10, np.float32)
+"""No pick. All zeros are no rotation, so that no real pick is lost; the arm stays at home and the attempt counts."""
+
+
+def encode_action(
+    T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float, workspace: Box
+) -> Float32[np.ndarray, "10"]:
+    """Return the action that commands this TCP pose and this opening between the pads.
+
+    Elements 0-2 are the position, mapped from the box `workspace`; 3-8 the first two columns of the rotation (6D
+    representation, Zhou et al. 2019); 9 the opening, mapped from [0, stroke].
+
+    Raises:
+        ConfigError: the position lies outside the workspace.
+    """
+    position = (T_world_tcp[:3, 3] - workspace.centre_m) / (workspace.size_m / 2)
+    if np.abs(position).max() > 1.0 + 1e-9:
+        raise ConfigError(
+            f"TCP position must lie in the workspace {workspace.lower_m} to {workspace.upper_m} m, "
+            f"got {T_world_tcp[:3, 3].round(4).tolist()} m"
+        )
+    opening = 2.0 * opening_m / JAW_STROKE_M - 1.0
+    rotation = rotation6d_from_matrix(T_world_tcp[:3, :3])
+    return np.clip(np.concatenate([position, rotation, [opening]]), -1.0, 1.0).astype(np.float32)
+
+
+def decode_action(
+    action: Float[np.ndarray, "10"] | Float32[np.ndarray, "10"], workspace: Box
+) -> tuple[Float[np.ndarray, "4 4"], float] | None:
+    """Return (T_world_tcp, opening_m) of an action, or None for `ABSTAIN`.
+
+    Any other six numbers for the rotation are orthonormalised by Gram-Schmidt; where they are parallel, the nearest
+    rotation about the first axis is taken, so that every action of the space can be executed.
+    """
+    action = np.clip(np.asarray(action, float), -1.0, 1.0)
+    columns = action[3:9]
+    if not np.any(columns):
+        return None
+    if np.linalg.norm(np.cross(columns[:3], columns[3:])) < 1e-6:
+        first = columns[:3] if np.linalg.norm(columns[:3]) > 1e-6 else columns[3:]
+        columns = np.concatenate([first, np.eye(3)[np.argmin(np.abs(first))]])
+    position = workspace.centre_m + action[:3] * workspace.size_m / 2
+    opening_m = float((action[9] + 1.0) / 2.0 * JAW_STROKE_M)
+    return transform(matrix_from_rotation6d(columns), position), opening_m

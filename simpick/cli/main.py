@@ -1,0 +1,45 @@
+"""``simpick``: one command line, one file a command.
+
+Only the light parts of simpick are imported here; each command imports what it needs when it runs, so that
+``simpick --help`` answers at once.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import tyro
+
+from simpick.cli.benchmark import Benchmark
+from simpick.cli.doctor import Doctor
+from simpick.cli.parts import PartsCommand
+from simpick.cli.run import Run
+from simpick.cli.sweep import Sweep
+from simpick.errors import SimpickError
+
+_configure = tyro.conf.subcommand
+Command = (
+    Annotated[Run, _configure(name="run")]
+    | Annotated[PartsCommand, _configure(name="parts")]
+    | Annotated[Sweep, _configure(name="sweep")]
+    | Annotated[Benchmark, _configure(name="benchmark")]
+    | Annotated[Doctor, _configure(name="doctor")]
+)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one command and return its exit code; errors that simpick raises on purpose print without a traceback."""
+    command = tyro.cli(Command, prog="simpick", description=__doc__.splitlines()[0], args=arguments)
+    try:
+        return command.run()
+    except SimpickError as error:
+        print(f"simpick: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("simpick: interrupted; what was finished is kept, run the same command again to go on", file=sys.stderr)
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())

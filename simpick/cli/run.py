@@ -1,0 +1,75 @@
+"""``simpick run``: fill bins, look at them, empty them; with recordings and a table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+from simpick.evaluation.run_config import RunConfig
+
+
+@dataclass(frozen=True)
+class Run:
+    """Pick bins empty in closed loop, print a table and leave results.jsonl (and recordings) behind.
+
+    Running the same command again goes on where it was stopped.
+    """
+
+    config: tyro.conf.OmitArgPrefixes[RunConfig] = RunConfig()
+    """What to run."""
+    out: Path = Path("logs/run")
+    """Folder for config.json, results.jsonl and the recordings."""
+    record: bool = False
+    """Write one rerun recording an episode."""
+    overwrite: bool = False
+    """Replace results that are in `out` already, instead of going on with them."""
+    workers: int = 1
+    """Episodes to run at the same time, each in a process of its own."""
+
+    def run(self) -> int:
+        """Run the missing episodes and print the summary."""
+        from rich.console import Console
+
+        from simpick.evaluation.result_store import ResultStore
+        from simpick.evaluation.runs import run_episodes
+
+        store = ResultStore(self.out, self.config.to_json(), overwrite=self.overwrite)
+        console = Console()
+        run_episodes(self.config, store, record=self.record, workers=self.workers, console=console)
+        console.print(summary_table(self.config, store))
+        console.print(f"results: {self.out / 'results.jsonl'}")
+        if self.record:
+            first = next(iter(sorted(self.out.glob("*.rrd"))), None)
+            console.print(f"recordings: {self.out}/*.rrd - open one with: rerun {first}")
+        return 0
+
+
+def summary_table(config: RunConfig, store):
+    """Return the table of grasp scores that ends a run."""
+    from rich.table import Table
+
+    from simpick.evaluation.grasp_scores import score_grasps
+
+    scores = score_grasps(store.results)
+    table = Table(title=f"{config.perception}, {config.gripper}, {config.detections} detections")
+    table.add_column("measure")
+    table.add_column("value", justify="right")
+    rows = {
+        "episodes": f"{scores.episodes}",
+        "attempts": f"{scores.attempts}",
+        "grasp success": f"{scores.grasp_success:.1%}",
+        "clearance": f"{scores.clearance:.1%}",
+        "bins emptied": f"{scores.cleared_episodes:.1%}",
+        "first-try success": f"{scores.first_try_success:.1%}",
+        "mean picks per hour": f"{scores.mpph:.0f}",
+        "motion per attempt": f"{scores.motion_s:.2f} s",
+        "perception per attempt": f"{scores.perception_s * 1e3:.0f} ms",
+        "median rotation error": f"{scores.rotation_deg:.2f} deg",
+        "median translation error": f"{scores.translation_mm:.2f} mm",
+    }
+    rows |= {f"outcome {name}": f"{n}" for name, n in scores.outcomes.items()}
+    for name, value in rows.items():
+        table.add_row(name, value)
+    return table

@@ -1,0 +1,52 @@
+"""``simpick sweep``: how exact must a pose be? Oracle poses with more and more noise, and a plot of it."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+from simpick.evaluation.run_config import RunConfig
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Blur the oracle's poses step by step, run the same bins at each step, and plot grasp success.
+
+    Translation noise is swept without rotation noise and the other way round. Each step is a run of its own under
+    `out`, so that a sweep which was stopped goes on where it was.
+    """
+
+    config: tyro.conf.OmitArgPrefixes[RunConfig] = RunConfig(episodes=4)
+    """What to run at each step; perception and noise are set by the sweep."""
+    noise_mm: tuple[float, ...] = (0.0, 1.0, 2.0, 4.0, 6.0, 8.0, 10.0)
+    """Median translation errors to run."""
+    noise_deg: tuple[float, ...] = (0.0, 2.5, 5.0, 10.0, 15.0, 20.0)
+    """Median rotation errors to run."""
+    out: Path = Path("logs/sweep")
+    """Folder for the runs, sweep.csv and sweep.png."""
+    overwrite: bool = False
+    """Replace results that are in `out` already, instead of going on with them."""
+    workers: int = 1
+    """Episodes to run at the same time, each in a process of its own."""
+
+    def run(self) -> int:
+        """Run every step and draw the plot."""
+        from rich.console import Console
+
+        from simpick.evaluation.noise_sweep import NoiseStep, plot_steps, run_step, steps_table, write_csv
+
+        console = Console()
+        config = dataclasses.replace(self.config, perception="oracle")
+        steps: list[NoiseStep] = []
+        levels = [("mm", value) for value in self.noise_mm] + [("deg", value) for value in self.noise_deg]
+        for unit, value in levels:
+            console.print(f"noise: median {value:g} {unit}")
+            steps.append(run_step(config, unit, value, self.out, self.overwrite, self.workers, console))
+        console.print(steps_table(steps))
+        write_csv(steps, self.out / "sweep.csv")
+        plot_steps(steps, self.out / "sweep.png")
+        console.print(f"plot: {self.out / 'sweep.png'}")
+        return 0

@@ -1,0 +1,141 @@
+"""Running episodes: an environment, a policy and a recorder, from a configuration to an `EpisodeResult`."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from simpick.envs.bin_pick import BinPickEnv
+from simpick.envs.observations import frame_from_observation
+from simpick.evaluation.perceptions import make_perception
+from simpick.evaluation.pose_errors import pose_error
+from simpick.evaluation.result_store import EpisodeResult
+from simpick.evaluation.run_config import RunConfig
+from simpick.geometry import invert
+from simpick.policies import PickPolicy
+from simpick.policies.pick_policy import Decision
+from simpick.recording.base import NullRecorder, Recorder
+from simpick.records import InstanceTruth, PickOutcome, PickRecord
+
+
+def make_env(config: RunConfig) -> BinPickEnv:
+    """Return the environment that a configuration asks for."""
+    return BinPickEnv(
+        parts=config.parts,
+        count=config.count,
+        gripper=config.gripper,
+        randomization=config.randomization,
+        max_consecutive_failures=config.max_consecutive_failures,
+    )
+
+
+def run_episode(
+    config: RunConfig,
+    episode: int,
+    *,
+    env: BinPickEnv | None = None,
+    recorder: Recorder | None = None,
+    on_pick: Callable[[PickRecord], None] | None = None,
+) -> EpisodeResult:
+    """Run one episode of `config` and return what happened; closes an environment that it made itself.
+
+    Everything but the wall-clock timings follows from the configuration and the episode's number.
+    """
+    own_env = env is None
+    env = make_env(config) if env is None else env
+    recorder = NullRecorder() if recorder is None else recorder
+    try:
+        return _run_episode(config, episode, env, recorder, on_pick or (lambda pick: None))
+    finally:
+        env.on_tick = None
+        if own_env:
+            env.close()
+
+
+def _run_episode(
+    config: RunConfig, episode: int, env: BinPickEnv, recorder: Recorder, on_pick: Callable[[PickRecord], None]
+) -> EpisodeResult:
+    start = time.perf_counter()
+    seed = config.seed + episode
+    perception = make_perception(config, env, np.random.default_rng([seed, 1]))
+    policy = PickPolicy(perception, env.parts, env.scene_config)
+    observation, info = env.reset(seed=seed)
+    timings_s = {"reset": time.perf_counter() - start}
+    recorder.start_episode(
+        episode_id=episode_id(config, episode),
+        config=config.to_json() | {"episode": episode},
+        model=env.scene.model,
+        data=env.scene.data,
+        parts=env.parts,
+    )
+    env.on_tick = lambda scene: recorder.tick(scene.data)
+    env.on_stage = recorder.stage
+    picks: list[PickRecord] = []
+    ended = "cleared" if info["is_success"] else ""
+    while not ended:
+        truth = env.truth()
+        render_s = env.timings_s["render"]
+        recorder.start_pick(len(picks))
+        frame = frame_from_observation(observation)
+        action = policy.act(observation)
+        decision = policy.decision
+        recorder.frame("overhead", frame)
+        recorder.detections("overhead", decision.percept.detections)
+        recorder.estimates(frame.T_world_camera, decision.percept.estimates)
+        if decision.grasp is not None:
+            recorder.grasp(decision.grasp.T_world_tcp)
+        observation, _, _, _, info = env.step(action)
+        ended = info["ended"]
+        pick = complete_record(info["pick"], decision, truth, frame.T_world_camera, env)
+        waited_s = {"render": render_s, **decision.percept.timings_s, "plan": decision.plan_s}
+        pick = dataclasses.replace(pick, timings_s={**waited_s, "simulate": env.timings_s["simulate"]})
+        recorder.end_pick(pick)
+        on_pick(pick)
+        picks.append(pick)
+    instances = tuple(instance.part.name for instance in env.scene.instances)
+    timings_s["wall"] = time.perf_counter() - start
+    result = EpisodeResult(episode, seed, instances, tuple(picks), ended, timings_s)
+    recorder.end_episode(result.summary())
+    return result
+
+
+def complete_record(
+    pick: PickRecord,
+    decision: Decision,
+    truth: tuple[InstanceTruth, ...],
+    T_world_camera: np.ndarray,
+    env: BinPickEnv,
+) -> PickRecord:
+    """Return the environment's record with what only the policy knows: target, pose error, why it abstained."""
+    if decision.abstained is not None:
+        return dataclasses.replace(pick, outcome=decision.abstained, cause=_abstention(decision))
+    target = decision.target
+    assert target is not None and target.detection is not None
+    instance = target.detection.instance
+    true_pose = next((t.T_world_part for t in truth if t.instance == instance), None)
+    error = None
+    if true_pose is not None:
+        part = next(p for p in env.parts if p.name == target.part)
+        error = pose_error(target.T_camera_part, invert(T_world_camera) @ true_pose, part)
+    return dataclasses.replace(pick, target_part=target.part, target_instance=instance, pose_error=error)
+
+
+def _abstention(decision: Decision) -> str:
+    if decision.abstained is PickOutcome.NOTHING_DETECTED:
+        return "look: the detector found no part"
+    seen = len(decision.percept.estimates)
+    return f"plan: every grasp on the {seen} estimated parts was filtered out"
+
+
+def episode_id(config: RunConfig, episode: int) -> str:
+    """Return the name of an episode and of its recording."""
+    return f"{config.perception}_{config.gripper}_seed{config.seed + episode:04d}"
+
+
+def recording_file(folder: Path, config: RunConfig, episode: int) -> Path:
+    """Return where an episode's recording lies."""
+    return folder / f"{episode_id(config, episode)}.rrd"

@@ -1,0 +1,54 @@
+"""What one run of ``simpick run`` is: everything that its results depend on."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from simpick.errors import ConfigError
+
+PERCEPTIONS = ("oracle",)
+"""Perception modes that ship."""
+
+
+@dataclass(frozen=True)
+class RunConfig:
+    """Bins, gripper and perception of a run. Episode k uses seed ``seed + k``; nothing else is random."""
+
+    episodes: int = 1
+    """How many bins to pick."""
+    seed: int = 0
+    """Seed of the first episode."""
+    parts: tuple[str, ...] = ()
+    """Part names or mesh files to draw the bin's parts from; one makes a homogeneous bin, none means the library."""
+    count: int = 12
+    """How many parts a bin holds, 1 to 50."""
+    gripper: Literal["jaw", "suction"] = "jaw"
+    """Which gripper the arm carries."""
+    perception: str = "oracle"
+    """Who estimates poses."""
+    noise_deg: float = 0.0
+    """Oracle only: median rotation error added to the true poses, in degrees."""
+    noise_mm: float = 0.0
+    """Oracle only: median translation error added to the true poses, in millimetres."""
+    detections: Literal["perfect", "realistic"] = "perfect"
+    """How well parts are segmented in the image before their poses are estimated."""
+    randomization: str = "default"
+    """Preset of lights, colours, textures and camera jitter."""
+    max_consecutive_failures: int = 2
+    """The episode ends after this many failed attempts in a row (two is VGN's protocol)."""
+
+    def __post_init__(self) -> None:
+        if self.episodes < 1:
+            raise ConfigError(f"episodes must be 1 or more, got {self.episodes}")
+        if self.seed < 0:
+            raise ConfigError(f"seed must be 0 or more, got {self.seed}")
+        if self.max_consecutive_failures < 1:
+            raise ConfigError(f"max_consecutive_failures must be 1 or more, got {self.max_consecutive_failures}")
+        if self.perception != "oracle" and (self.noise_deg or self.noise_mm):
+            raise ConfigError(f"noise_deg and noise_mm are for perception 'oracle', got perception {self.perception!r}")
+
+    def to_json(self) -> dict[str, Any]:
+        """Return a JSON object that names the run."""
+        return dataclasses.asdict(self)

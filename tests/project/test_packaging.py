@@ -1,0 +1,50 @@
+"""The wheel holds every module, under simpick only, and every module imports from it."""
+
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("wheel")
+    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "-w", str(out), "."]
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+    return next(out.glob("*.whl"))
+
+
+def test_wheel_holds_all_sources_and_nothing_generic(wheel: Path) -> None:
+    names = zipfile.ZipFile(wheel).namelist()
+    assert {n.split("/")[0] for n in names if not n.startswith("simpick-")} == {"simpick"}
+    tracked = subprocess.run(["git", "ls-files", "*.py"], cwd=ROOT, check=True, capture_output=True, text=True)
+    expected = set()
+    for name in tracked.stdout.split():
+        top = name.split("/")[0]
+        if top in {"assets", "envs", "estimators"}:
+            expected.add(f"simpick/{name}")
+        elif top == "simpick":
+            expected.add(name)
+    missing = expected - set(names)
+    assert not missing
+
+
+def test_every_module_imports_from_the_wheel(wheel: Path, tmp_path: Path) -> None:
+    zipfile.ZipFile(wheel).extractall(tmp_path)
+    code = (
+        "import importlib, pkgutil, simpick, sys;"
+        f"assert simpick.__file__.startswith({str(tmp_path)!r}), simpick.__file__;"
+        "names = [m.name for m in pkgutil.walk_packages(simpick.__path__, 'simpick.')];"
+        "[importlib.import_module(n) for n in names];"
+        "print(len(names))"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env={"PYTHONPATH": str(tmp_path), "PATH": "", "HOME": str(tmp_path)},
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    assert int(run.stdout) > 30
