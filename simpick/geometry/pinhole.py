@@ -34,6 +34,8 @@ class Pinhole:
             raise ConfigError(f"image size must be positive, got {self.width} x {self.height} px")
         if not (self.fx > 0 and self.fy > 0):
             raise ConfigError(f"focal lengths must be positive, got fx={self.fx}, fy={self.fy}")
+        if not np.isfinite([self.fx, self.fy, self.cx, self.cy]).all():
+            raise ConfigError(f"intrinsics must be finite, got {self.fx}, {self.fy}, {self.cx}, {self.cy}")
 
     @staticmethod
     def from_fovy(width: int, height: int, fovy_deg: float) -> Pinhole:
@@ -42,6 +44,18 @@ class Pinhole:
             raise ConfigError(f"fovy must be between 0 and 180 degrees, got {fovy_deg}")
         f = 0.5 * height / np.tan(np.radians(fovy_deg) / 2)
         return Pinhole(width, height, float(f), float(f), width / 2, height / 2)
+
+    @staticmethod
+    def from_K(width: int, height: int, K: Float[np.ndarray, "3 3"]) -> Pinhole:
+        """Return the camera of this matrix, pixel centres at integer + 0.5; the matrix must be without skew."""
+        if not np.allclose([K[0, 1], K[1, 0], K[2, 0], K[2, 1], K[2, 2] - 1], 0, atol=1e-9):
+            raise ConfigError(f"K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], got {K.tolist()}")
+        return Pinhole(width, height, float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2]))
+
+    def resized(self, width: int, height: int) -> Pinhole:
+        """Return the camera that sees the same field with another number of pixels."""
+        x, y = width / self.width, height / self.height
+        return Pinhole(width, height, self.fx * x, self.fy * y, self.cx * x, self.cy * y)
 
     @property
     def K(self) -> Float[np.ndarray, "3 3"]:
@@ -64,6 +78,13 @@ class Pinhole:
         """Return camera coordinates of pixels at these depths along the optical axis."""
         xy = (pixels - np.array([self.cx, self.cy])) / np.array([self.fx, self.fy])
         return np.concatenate([xy, np.ones_like(xy[..., :1])], axis=-1) * np.asarray(depth_m)[..., None]
+
+    def rays(self) -> Float[np.ndarray, "height width 3"]:
+        """Return the directions (x, y, 1) through all pixel centres; times depth, they are points in the camera."""
+        x = (np.arange(self.width) + 0.5 - self.cx) / self.fx
+        y = (np.arange(self.height) + 0.5 - self.cy) / self.fy
+        xx, yy = np.meshgrid(x, y)
+        return np.stack([xx, yy, np.ones_like(xx)], axis=-1)
 
 
 def opencv_from_mujoco_camera(

@@ -1,0 +1,143 @@
+"""Rigid transforms by axiom: group laws, round trips, and the places where formulas lose their digits."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from simpick.geometry import (
+    invert,
+    look_at,
+    matrix_from_quaternion,
+    quaternion_from_matrix,
+    random_rotation,
+    rotation_angle,
+    rotation_from_6d,
+    rotation_to_6d,
+    se3_exp,
+    se3_log,
+    so3_exp,
+    so3_log,
+    transform,
+    transform_points,
+)
+
+ANGLES = [0.0, 1e-12, 1e-8, 1e-4, 0.019, 0.021, 1.0, 3.0, np.pi - 1e-4, np.pi - 1e-8, np.pi]
+AXES = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.6, -0.8, 0.0), (1 / 3, 2 / 3, -2 / 3)]
+seeds = st.integers(0, 2**32 - 1)
+small_floats = st.floats(-2, 2, allow_subnormal=False)
+
+
+def random_transforms(seed: int, shape: tuple[int, ...] = (4,)) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    return transform(random_rotation(rng, shape), rng.normal(size=(*shape, 3)))
+
+
+@given(seeds)
+def test_transforms_are_a_group(seed: int) -> None:
+    A, B, C = random_transforms(seed, (3, 4))
+    np.testing.assert_allclose((A @ B) @ C, A @ (B @ C), atol=1e-12)
+    np.testing.assert_allclose(A @ invert(A), np.broadcast_to(np.eye(4), A.shape), atol=1e-12)
+    np.testing.assert_allclose(invert(A @ B), invert(B) @ invert(A), atol=1e-12)
+
+
+@given(seeds)
+def test_inner_names_cancel_on_points(seed: int) -> None:
+    T_a_b, T_b_c = random_transforms(seed, (2,))
+    points_c = np.random.default_rng(seed).normal(size=(7, 3))
+    np.testing.assert_allclose(
+        transform_points(T_a_b, transform_points(T_b_c, points_c)),
+        transform_points(T_a_b @ T_b_c, points_c),
+        atol=1e-12,
+    )
+
+
+def test_one_cloud_meets_many_transforms() -> None:
+    Ts = random_transforms(0, (5,))
+    points = np.random.default_rng(1).normal(size=(7, 3))
+    assert transform_points(Ts, points).shape == (5, 7, 3)
+    assert transform_points(Ts[:, None], points[None]).shape == (5, 1, 7, 3)
+
+
+@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("angle", ANGLES)
+def test_so3_log_inverts_exp_from_identity_to_half_turn(axis: tuple[float, ...], angle: float) -> None:
+    w = angle * np.array(axis)
+    R = so3_exp(w)
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-14)
+    assert np.linalg.det(R) == pytest.approx(1)
+    back = so3_log(R)
+    # At a half turn, both signs of the axis are the same rotation.
+    assert min(np.abs(back - w).max(), np.abs(back + w).max() + (angle < np.pi - 1e-9)) < 1e-12
+    assert rotation_angle(R) == pytest.approx(angle, abs=1e-12)
+
+
+@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("angle", ANGLES[:-1])
+def test_se3_log_inverts_exp_from_identity_to_half_turn(axis: tuple[float, ...], angle: float) -> None:
+    twist = np.concatenate([[0.3, -0.2, 0.5], angle * np.array(axis)])
+    np.testing.assert_allclose(se3_log(se3_exp(twist)), twist, atol=1e-8 if angle > 3 else 1e-12)
+
+
+@given(arrays(float, 6, elements=small_floats))
+def test_se3_exp_adds_up_along_one_twist(twist: np.ndarray) -> None:
+    np.testing.assert_allclose(se3_exp(0.3 * twist) @ se3_exp(0.7 * twist), se3_exp(twist), atol=1e-12)
+
+
+def test_se3_exp_turns_about_the_instantaneous_centre() -> None:
+    # Turning at pi/2 about z while moving at pi/2 along x is a quarter circle of radius 1 about (0, 1, 0).
+    T = se3_exp(np.array([np.pi / 2, 0, 0, 0, 0, np.pi / 2]))
+    np.testing.assert_allclose(T[:3, 3], [1, 1, 0], atol=1e-12)
+
+
+@given(seeds)
+def test_quaternions_round_trip_and_multiply_like_matrices(seed: int) -> None:
+    R = random_rotation(np.random.default_rng(seed), (3,))
+    q = quaternion_from_matrix(R)
+    assert (q[:, 0] >= 0).all()
+    np.testing.assert_allclose(np.linalg.norm(q, axis=-1), 1)
+    np.testing.assert_allclose(matrix_from_quaternion(q), R, atol=1e-12)
+    np.testing.assert_allclose(matrix_from_quaternion(-3 * q), R, atol=1e-12)
+
+
+def test_quaternion_order_is_wxyz() -> None:
+    np.testing.assert_allclose(quaternion_from_matrix(so3_exp(np.array([0, 0, np.pi / 2]))), np.sqrt([0.5, 0, 0, 0.5]))
+
+
+@given(seeds)
+def test_6d_round_trips_and_ignores_scale_and_shear(seed: int) -> None:
+    R = random_rotation(np.random.default_rng(seed), (3,))
+    columns = rotation_to_6d(R)
+    np.testing.assert_allclose(rotation_from_6d(columns), R, atol=1e-12)
+    np.testing.assert_array_equal(columns[:, :3], R[:, :, 0])
+    sheared = np.concatenate([2 * columns[:, :3], 0.5 * columns[:, 3:] - 3 * columns[:, :3]], -1)
+    np.testing.assert_allclose(rotation_from_6d(sheared), R, atol=1e-12)
+
+
+@given(arrays(float, 6, elements=st.one_of(st.just(0.0), st.just(1e-12), st.floats(-1, 1))))
+def test_6d_makes_a_rotation_of_any_action(action: np.ndarray) -> None:
+    R = rotation_from_6d(action)
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-9)
+    assert np.linalg.det(R) == pytest.approx(1)
+
+
+def test_random_rotations_are_uniform() -> None:
+    R = random_rotation(np.random.default_rng(0), (20000,))
+    # The mean of a uniform rotation is zero; its angle has the density (1 - cos a) / pi, whose mean is pi/2 + 2/pi.
+    assert np.abs(R.mean(0)).max() < 0.02
+    assert rotation_angle(R).mean() == pytest.approx(np.pi / 2 + 2 / np.pi, abs=0.02)
+
+
+@pytest.mark.parametrize("eye", [(1.0, 0.0, 0.0), (0.3, -0.4, 0.9), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)])
+def test_look_at_puts_the_target_on_the_axis(eye: tuple[float, ...]) -> None:
+    T_world_camera = look_at(np.array(eye), np.zeros(3))
+    target = transform_points(invert(T_world_camera), np.zeros((1, 3)))[0]
+    np.testing.assert_allclose(target, [0, 0, np.linalg.norm(eye)], atol=1e-12)
+    assert np.linalg.det(T_world_camera[:3, :3]) == pytest.approx(1)
+
+
+def test_look_at_keeps_up_upwards_in_the_image() -> None:
+    T_world_camera = look_at(np.array([1.0, 0.5, 0.3]), np.zeros(3))
+    above = transform_points(invert(T_world_camera), np.array([[0.0, 0.0, 0.1]]))[0]
+    assert above[1] < 0
