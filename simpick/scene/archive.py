@@ -9,12 +9,13 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from simpick.errors import OutputError, SceneError
 from simpick.scene.config import SceneConfig
 
 _FORMAT = "simpick-scene-1"
+_SLEEP_PREFIX = "sleep/"
 STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 """All that MuJoCo integrates, controls and warm start included."""
 
@@ -31,8 +32,8 @@ class SceneArchive:
     redropped: int
     state: Float[np.ndarray, "state"]
     """MuJoCo's integration state."""
-    asleep: Int[np.ndarray, "trees"]
-    """``data.tree_asleep``, which MuJoCo does not count as state but which decides what the next step computes."""
+    sleep: dict[str, np.ndarray]
+    """Who sleeps, from `sleep_state`."""
 
 
 def write_archive(path: Path, archive: SceneArchive) -> None:
@@ -48,7 +49,8 @@ def write_archive(path: Path, archive: SceneArchive) -> None:
     }
     try:
         with path.open("wb") as file:
-            np.savez_compressed(file, header=np.array(json.dumps(header)), state=archive.state, asleep=archive.asleep)
+            sleep = {_SLEEP_PREFIX + name: value for name, value in archive.sleep.items()}
+            np.savez_compressed(file, header=np.array(json.dumps(header)), state=archive.state, **sleep)
     except OSError as error:
         raise OutputError(f"cannot write the scene to {path}: {error.strerror}; choose a writable folder") from error
 
@@ -58,7 +60,8 @@ def read_archive(path: Path) -> SceneArchive:
     try:
         with np.load(path, allow_pickle=False) as file:
             header = json.loads(str(file["header"]))
-            state, asleep = file["state"], file["asleep"]
+            state = file["state"]
+            sleep = {name.removeprefix(_SLEEP_PREFIX): file[name] for name in file if name.startswith(_SLEEP_PREFIX)}
         if header["format"] != _FORMAT:
             raise SceneError(f"{path} must have the format {_FORMAT}, got {header['format']}; build the scene anew")
         return SceneArchive(
@@ -68,7 +71,7 @@ def read_archive(path: Path) -> SceneArchive:
             tuple(header["removed"]),
             header["redropped"],
             state,
-            asleep,
+            sleep,
         )
     except FileNotFoundError as error:
         raise SceneError(f"no scene file at {path}; write one with Scene.save") from error

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from simpick.assets.mjcf import VISUAL_GROUP
 from simpick.errors import UnknownNameError
 from simpick.geometry.pinhole import Pinhole, opencv_from_mujoco_camera
 from simpick.geometry.transforms import look_at, quaternion_from_matrix, transform
@@ -17,8 +18,8 @@ OVERHEAD, WRIST, OVERVIEW = "overhead", "wrist", "overview"
 
 _OVERVIEW_EYE_M = np.array([1.45, -1.05, 0.95])
 _OVERVIEW_TARGET_M = np.array([0.30, -0.12, 0.17])
-# On the side of the hand, off the fingers' closing axis (x), tilted so that the axis passes below the fingertips.
-_WRIST_EYE_M = np.array([0.0, -0.085, 0.015])
+# Beside the palm, off the fingers' closing axis (x), tilted so that its axis meets theirs 6 cm below the TCP.
+_WRIST_EYE_M = np.array([0.0, -0.085, 0.045])
 _WRIST_TARGET_M = np.array([0.0, 0.0, 0.26])
 
 
@@ -37,7 +38,16 @@ def add_fixed_cameras(spec: mujoco.MjSpec, config: SceneConfig, T_camera_jittere
 def add_wrist_camera(body: mujoco.MjsBody, T_body_flange: Float[np.ndarray, "4 4"], config: CameraConfig) -> None:
     """Add the wrist camera to the arm's last body; the flange's +z points away from the arm."""
     T_flange_camera = look_at(_WRIST_EYE_M, _WRIST_TARGET_M, up=np.array([0.0, -1.0, 0.0]))
-    _add(body, WRIST, T_body_flange @ T_flange_camera, config)
+    T_body_camera = T_body_flange @ T_flange_camera
+    _add(body, WRIST, T_body_camera, config)
+    # Its housing, for people to see; it ends just behind the lens and touches nothing.
+    housing = body.add_geom(name="wrist_camera_housing", type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.022, 0.016, 0.018])
+    housing.pos = (T_body_camera @ np.array([0.0, 0.0, -0.022, 1.0]))[:3]
+    housing.quat = quaternion_from_matrix(T_body_camera[:3, :3])
+    housing.rgba = [0.12, 0.12, 0.13, 1.0]
+    housing.group = VISUAL_GROUP
+    housing.contype = housing.conaffinity = 0
+    housing.mass = 0.0
 
 
 def _add(body: mujoco.MjsBody, name: str, T_body_camera: Float[np.ndarray, "4 4"], config: CameraConfig) -> None:

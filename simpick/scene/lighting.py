@@ -27,11 +27,16 @@ def add_lighting(spec: mujoco.MjSpec, look: Look) -> None:
     spec.visual.headlight.diffuse = [0.0, 0.0, 0.0]
     spec.visual.headlight.specular = [0.0, 0.0, 0.0]
     spec.visual.headlight.ambient = [look.ambient] * 3
+    spec.add_texture(
+        name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        width=64, height=64 * 6, rgb1=[0.62, 0.65, 0.68], rgb2=[0.30, 0.31, 0.33],
+    )  # fmt: skip
     for k, lamp in enumerate(look.lamps):
         light = spec.worldbody.add_light(name=f"lamp_{k}", pos=lamp.position_m)
         light.dir = np.array(BIN_CENTRE_M) - lamp.position_m
         light.type = mujoco.mjtLightType.mjLIGHT_SPOT
-        light.cutoff = 50.0
+        # The lamp with shadows is narrow, which makes the most of its shadow map; it still lights the whole cell.
+        light.cutoff = 36.0 if lamp.casts_shadow else 60.0
         light.exponent = 2.0
         light.diffuse = lamp.rgb
         light.specular = 0.5 * lamp.rgb

@@ -49,12 +49,3 @@ def _place(data: mujoco.MjData, body_name: str, qpos: Float[np.ndarray, "7"]) ->
     joint.qpos[:] = qpos
     joint.qvel[:] = 0.0
     joint.qacc_warmstart[:] = 0.0
-
-
-def wake_all(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Wake every part, for it may have lost its support, and bring all that follows from positions up to date."""
-    # MuJoCo offers no call for it, but it wakes all when it computes with sleeping switched off.
-    enabled = model.opt.enableflags
-    model.opt.enableflags = enabled & ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
-    mujoco.mj_forward(model, data)
-    model.opt.enableflags = enabled

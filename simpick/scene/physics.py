@@ -25,7 +25,7 @@ class PhysicsConfig:
     """Relative improvement at which the solver stops."""
     sleep: bool = True
     """Parts at rest are left out of the step until something touches them."""
-    sleep_tolerance: float = 2e-3
+    sleep_tolerance: float = 1e-3
     """Fastest motion (m/s, and rad/s times the part's size) that may fall asleep."""
     part_friction: float = 0.5
     """Coulomb coefficient between parts, and between parts and the bin."""
@@ -71,3 +71,10 @@ def set_part_contact(geom: mujoco.MjsGeom, physics: PhysicsConfig) -> None:
     geom.friction = [physics.part_friction, 0.002, 0.0001]
     geom.solref = [0.008, 1.0]
     geom.solimp = [0.95, 0.99, 0.001, 0.5, 2.0]
+
+
+def stop_engine_log_file() -> None:
+    """Keep MuJoCo from leaving a ``MUJOCO_LOG.TXT`` in the current folder; its warnings still go to stderr."""
+    log = mujoco.MjLogConfig.get()
+    log.logto_file = False
+    log.set()

@@ -27,7 +27,7 @@ class Randomization:
     """Factor on the brightness of all lamps."""
     light_tint: float = 0.0
     """Largest relative change of each lamp's red, green and blue."""
-    ambient: tuple[float, float] = (0.32, 0.32)
+    ambient: tuple[float, float] = (0.27, 0.27)
     """Brightness of the light that comes from everywhere."""
     part_hue: float = 0.0
     """Largest change of a part's hue, in turns; every instance has its own."""
@@ -39,7 +39,7 @@ class Randomization:
     """Textures of floor and bin, by their names in `textures.PATTERNS`."""
     texture_contrast: tuple[float, float] = (0.06, 0.06)
     """Relative change of brightness within a texture."""
-    table_rgb: tuple[tuple[float, float, float], ...] = ((0.36, 0.37, 0.38),)
+    table_rgb: tuple[tuple[float, float, float], ...] = ((0.42, 0.43, 0.44),)
     """Colours that the table may have."""
     bin_rgb: tuple[tuple[float, float, float], ...] = ((0.23, 0.30, 0.42),)
     """Colours that the bin may have."""
@@ -61,7 +61,7 @@ RANDOMIZATIONS: dict[str, Randomization] = {
         light_spread_m=0.15,
         light_intensity=(0.85, 1.15),
         light_tint=0.04,
-        ambient=(0.26, 0.36),
+        ambient=(0.22, 0.31),
         part_hue=0.01,
         part_value=0.08,
         part_gloss=0.1,
@@ -75,7 +75,7 @@ RANDOMIZATIONS: dict[str, Randomization] = {
         light_spread_m=0.6,
         light_intensity=(0.6, 1.35),
         light_tint=0.15,
-        ambient=(0.12, 0.45),
+        ambient=(0.12, 0.38),
         part_hue=0.5,
         part_value=0.4,
         part_gloss=0.4,
@@ -84,8 +84,8 @@ RANDOMIZATIONS: dict[str, Randomization] = {
         table_rgb=_GREYS_AND_WOODS,
         bin_rgb=_BIN_COLOURS,
         colour_jitter=0.12,
-        camera_shift_m=0.04,
-        camera_turn_deg=4.0,
+        camera_shift_m=0.03,
+        camera_turn_deg=3.0,
     ),
 }
 """Presets by name."""
@@ -132,7 +132,7 @@ class Look:
 
 # Places of the lamps (m): the first casts the shadows, from above the bin's far side, as in a lit workshop.
 _LAMP_PLACES = ((0.75, 0.45, 1.9), (0.15, -0.65, 1.7), (1.05, -0.35, 1.8), (0.20, 0.75, 1.8))
-_LAMP_STRENGTHS = (0.62, 0.34, 0.25, 0.25)
+_LAMP_STRENGTHS = (0.50, 0.27, 0.22, 0.22)
 
 
 def draw_look(randomization: Randomization, count: int, rng: np.random.Generator) -> Look:

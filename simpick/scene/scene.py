@@ -24,8 +24,10 @@ from simpick.scene.cameras import camera_pinhole, camera_pose
 from simpick.scene.composition import body_name, compose_scene, draw_parts
 from simpick.scene.config import SceneConfig
 from simpick.scene.contacts import ContactGroup, contacts_between, group_of_geom, normal_forces
-from simpick.scene.parking import park, release, wake_all
+from simpick.scene.parking import park, release
+from simpick.scene.physics import stop_engine_log_file
 from simpick.scene.robot import go_home, gripper_handle
+from simpick.scene.sleep import restore_sleep_state, sleep_state, wake_all
 from simpick.scene.workspace import bin_zone, chute_zone
 
 MAX_SPEED = 100.0
@@ -56,6 +58,7 @@ class Scene:
     """
 
     def __init__(self, config: SceneConfig, seed: int, parts: Sequence[Part], model: mujoco.MjModel) -> None:
+        stop_engine_log_file()
         self.config = config
         self.seed = seed
         self.model = model
@@ -224,8 +227,8 @@ class Scene:
         state = np.zeros(mujoco.mj_stateSize(self.model, STATE))
         mujoco.mj_getState(self.model, self.data, state, STATE)
         hashes = tuple(i.part.content_hash for i in self.instances)
-        asleep = self.data.tree_asleep.copy()
-        write_archive(path, SceneArchive(self.config, self.seed, hashes, self.removed, self.redropped, state, asleep))
+        sleep = sleep_state(self.data)
+        write_archive(path, SceneArchive(self.config, self.seed, hashes, self.removed, self.redropped, state, sleep))
         return path
 
     @staticmethod
@@ -244,13 +247,13 @@ class Scene:
         scene = Scene(config, seed, parts, compose_scene(config, parts, seed).compile())
         scene.redropped = archive.redropped
         scene._removed = set(archive.removed)
-        scene._restore(archive.state, archive.asleep)
+        scene._restore(archive.state, archive.sleep)
         return scene
 
-    def _restore(self, state: Float[np.ndarray, "state"], asleep: Int[np.ndarray, "trees"]) -> None:
+    def _restore(self, state: Float[np.ndarray, "state"], sleep: dict[str, np.ndarray]) -> None:
         mujoco.mj_setState(self.model, self.data, state, STATE)
         # All awake, so that the poses of sleeping parts are computed too; that spoils the warm start, hence twice.
         wake_all(self.model, self.data)
         mujoco.mj_setState(self.model, self.data, state, STATE)
-        self.data.tree_asleep[:] = asleep
+        restore_sleep_state(self.data, sleep)
         self.update_kinematics()

@@ -14,7 +14,8 @@ from simpick.errors import SceneError
 from simpick.geometry.transforms import random_rotation, transform
 from simpick.scene.composition import body_name, compose_settling
 from simpick.scene.config import SceneConfig
-from simpick.scene.parking import park, release, wake_all
+from simpick.scene.parking import park, release
+from simpick.scene.sleep import wake_all
 from simpick.scene.workspace import bin_interior, bin_zone
 
 MAX_PENETRATION_M = 0.001
