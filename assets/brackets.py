@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from manifold3d import Manifold
 
@@ -108,7 +110,7 @@ def crane_hook() -> Part:
     arc = [disc(15.0 * np.cos(a), -32.0 + 15.0 * np.sin(a), r) for a, r in zip(angles, thickness, strict=True)]
     eye = disc(0.0, 0.0, 11.0)
     shank = s.hull(disc(0.0, -6.0, 6.0), arc[0])
-    solid = s.union(eye, shank, *[s.hull(a, b) for a, b in zip(arc[:-1], arc[1:], strict=True)])
+    solid = s.union(eye, shank, *[s.hull(a, b) for a, b in pairwise(arc)])
     solid = s.cut(solid, s.upright(s.cylinder(5.5, -6.0, 6.0)))
     pieces = [eye, shank, *[s.hull(arc[k], arc[k + 2]) for k in range(0, 12, 2)]]
     return s.finish("crane_hook", solid, pieces, ORANGE_PAINT)

@@ -17,7 +17,8 @@ def connecting_rod() -> Part:
     beam = s.polygon([(0, -11), (58, -7), (58, 7), (0, 11)])
     flat = s.extrude(s.circle(16.5, big) + s.circle(10.5, small), -7.0, 7.0)
     web = s.extrude(beam, -5.0, 5.0)
-    recess = s.rounded(s.polygon([(20, -5.6), (44.5, -3.8), (44.5, 3.8), (20, 5.6)]), 2.0)
+    corners = [(22, -3.4), (42.5, -1.8), (42.5, 1.8), (22, 3.4)]
+    recess = CrossSection.batch_hull([s.circle(2.0, corner, facets=24) for corner in corners])
     bolts = [s.along_x(s.cylinder(3.6, -9.0, 9.0, facets=24)).translate((0.0, y, 0.0)) for y in (-16.5, 16.5)]
     solid = s.union(flat, web, *bolts)
     tools = [

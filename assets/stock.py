@@ -27,7 +27,7 @@ ORANGE_PAINT = Stock(7850.0, Material((0.85, 0.42, 0.08), specular=0.4, shinines
 GREEN_PAINT = Stock(2700.0, Material((0.24, 0.42, 0.36), specular=0.3, shininess=0.3))
 RED_ANODISED = Stock(2700.0, Material((0.70, 0.13, 0.12), specular=0.6, shininess=0.5))
 BLUE_ANODISED = Stock(2700.0, Material((0.18, 0.32, 0.62), specular=0.6, shininess=0.5))
-BLACK_NYLON = Stock(1350.0, Material((0.11, 0.11, 0.12), specular=0.3, shininess=0.3))
+BLACK_NYLON = Stock(1350.0, Material((0.17, 0.17, 0.18), specular=0.4, shininess=0.3))
 WHITE_POM = Stock(1410.0, Material((0.90, 0.89, 0.85), specular=0.4, shininess=0.4))
 ORANGE_ABS = Stock(1180.0, Material((0.88, 0.44, 0.10), specular=0.4, shininess=0.4))
 GREEN_POLYAMIDE = Stock(1350.0, Material((0.20, 0.46, 0.28), specular=0.3, shininess=0.3))
