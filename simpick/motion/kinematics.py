@@ -1,0 +1,124 @@
+"""Inverse kinematics of arm and gripper: mink's quadratic-programming solver, started from closed-form seeds."""
+
+from __future__ import annotations
+
+import mink
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from simpick.assets.robots.registry import Robot
+from simpick.geometry.transforms import invert, quaternion_from_matrix, rotation_angle
+from simpick.motion.closed_form import inverse
+
+POSITION_TOLERANCE_M = 1e-4
+"""A solution's TCP is at most this far from the commanded one."""
+ROTATION_TOLERANCE_RAD = np.deg2rad(0.05)
+"""A solution's TCP is turned at most this much against the commanded one."""
+
+_SOLVER = "daqp"
+_ITERATIONS = 20
+_DAMPING = 1e-6
+_TCP = "tcp"
+
+
+class Kinematics:
+    """Forward and inverse kinematics of the TCP, on a model of the arm alone.
+
+    A model without parts, gripper joints and bin keeps each of mink's iterations at a fraction of a millisecond,
+    whatever the scene holds.
+    """
+
+    def __init__(self, robot: Robot, T_flange_tcp: Float[np.ndarray, "4 4"]) -> None:
+        spec = mujoco.MjSpec()
+        spec.compiler.degree = False
+        flange = robot.add(spec)
+        T_body_tcp = np.eye(4)
+        mujoco.mju_quat2Mat(rotation := np.zeros(9), np.array(flange.quat))
+        T_body_tcp[:3, :3] = rotation.reshape(3, 3)
+        T_body_tcp[:3, 3] = flange.pos
+        T_body_tcp = T_body_tcp @ T_flange_tcp
+        flange.parent.add_site(name=_TCP, pos=T_body_tcp[:3, 3], quat=quaternion_from_matrix(T_body_tcp[:3, :3]))
+        self.model = spec.compile()
+        self._T_tcp_flange = invert(T_flange_tcp)
+        self._configuration = mink.Configuration(self.model)
+        self._task = mink.FrameTask(_TCP, "site", position_cost=1.0, orientation_cost=1.0, lm_damping=1e-4)
+        self._limits = [mink.ConfigurationLimit(self.model)]
+        self.q_lower, self.q_upper = self.model.jnt_range[:, 0].copy(), self.model.jnt_range[:, 1].copy()
+
+    def forward(self, q: Float[np.ndarray, "joints"]) -> Float[np.ndarray, "4 4"]:
+        """Return T_world_tcp at joint angles `q`."""
+        self._configuration.update(q)
+        return self._configuration.get_transform_frame_to_world(_TCP, "site").as_matrix()
+
+    def solve_ik(
+        self, T_world_tcp: Float[np.ndarray, "4 4"], q_seed: Float[np.ndarray, "joints"]
+    ) -> Float[np.ndarray, "joints"] | None:
+        """Return the joint angles nearest to `q_seed` that reach the pose, or None if none do."""
+        solutions = self.solve_all(T_world_tcp, q_seed)
+        return solutions[0] if solutions else None
+
+    def solve_all(
+        self, T_world_tcp: Float[np.ndarray, "4 4"], q_seed: Float[np.ndarray, "joints"]
+    ) -> list[Float[np.ndarray, "joints"]]:
+        """Return every branch of solutions, the one that needs the least motion of any joint from `q_seed` first."""
+        seeds = inverse(T_world_tcp @ self._T_tcp_flange, q_seed)
+        solutions = []
+        for seed in seeds[np.argsort(np.abs(seeds - q_seed).max(axis=1), kind="stable")]:
+            inside = seed - 2 * np.pi * (seed > self.q_upper) + 2 * np.pi * (seed < self.q_lower)
+            q = self.converge(T_world_tcp, inside)
+            if q is not None:
+                solutions.append(q)
+        return sorted(solutions, key=lambda q: float(np.abs(q - q_seed).max()))
+
+    def converge(
+        self, T_world_tcp: Float[np.ndarray, "4 4"], q_start: Float[np.ndarray, "joints"]
+    ) -> Float[np.ndarray, "joints"] | None:
+        """Return where mink's solver ends from `q_start` if that is within tolerance of the pose, else None.
+
+        From a start nearby it stays on the same branch, which is what following a line needs.
+        """
+        self._configuration.update(np.clip(q_start, self.q_lower, self.q_upper))
+        self._task.set_target(mink.SE3.from_matrix(T_world_tcp))
+        for _ in range(_ITERATIONS):
+            error = self._task.compute_error(self._configuration)
+            if np.linalg.norm(error[:3]) < POSITION_TOLERANCE_M and np.linalg.norm(error[3:]) < ROTATION_TOLERANCE_RAD:
+                return self._configuration.q
+            try:
+                speed = mink.solve_ik(
+                    self._configuration, [self._task], 1.0, _SOLVER, damping=_DAMPING, limits=self._limits
+                )
+            except mink.NoSolutionFound:
+                return None
+            self._configuration.integrate_inplace(speed, 1.0)
+        return None
+
+    def follow(
+        self, Ts_world_tcp: Float[np.ndarray, "points 4 4"], q_start: Float[np.ndarray, "joints"]
+    ) -> Float[np.ndarray, "points joints"] | None:
+        """Return joint angles along a path of TCP poses without a jump, or None where it leaves the arm's reach."""
+        q, qs = q_start, []
+        for T_world_tcp in Ts_world_tcp:
+            following = self.converge(T_world_tcp, q)
+            # Neighbouring poses are millimetres apart: a large step is a change of branch at a singularity.
+            if following is None or np.abs(following - q).max() > 0.6:
+                return None
+            q = following
+            qs.append(q)
+        return np.array(qs)
+
+
+def line(
+    T_world_start: Float[np.ndarray, "4 4"], T_world_end: Float[np.ndarray, "4 4"], spacing_m: float = 0.015
+) -> Float[np.ndarray, "points 4 4"]:
+    """Return TCP poses from start to end (both included) on a straight line with the end's constant orientation.
+
+    Raises ValueError where the orientations differ: such a path is not a line of the tool.
+    """
+    if rotation_angle(T_world_start[:3, :3].T @ T_world_end[:3, :3]) > 1e-6:
+        raise ValueError("a straight line must keep its orientation; turn the tool before or after it")
+    distance = float(np.linalg.norm(T_world_end[:3, 3] - T_world_start[:3, 3]))
+    points = max(2, int(np.ceil(distance / spacing_m)) + 1)
+    Ts = np.repeat(T_world_end[None], points, axis=0)
+    Ts[:, :3, 3] = np.linspace(T_world_start[:3, 3], T_world_end[:3, 3], points)
+    return Ts
