@@ -1,0 +1,136 @@
+"""Pose estimates as BOP's results CSV: ``scene_id,im_id,obj_id,score,R,t,time``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from simpick.bop.conventions import bop_from_transform, check_object_distance, transform_from_bop
+from simpick.caching import atomic_write_text
+from simpick.errors import ConfigError, DatasetError
+
+HEADER = "scene_id,im_id,obj_id,score,R,t,time"
+_TIME_TOLERANCE_S = 0.001
+_NAME = re.compile(
+    r"(?P<method>[^_]+)_(?P<dataset>[^_-]+)-(?P<split>[^_-]+)(-(?P<split_type>[^_]+))?(_(?P<id>.+))?\.csv"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class BopResult:
+    """One line: a pose estimate of one object in one image."""
+
+    scene_id: int
+    im_id: int
+    obj_id: int
+    score: float
+    T_camera_model: Float[np.ndarray, "4 4"]
+    """Of the model's own frame, in metres; ``T_camera_part = T_camera_model @ part.T_cad_part``."""
+    time_s: float
+    """For the whole image, so the same in all its lines; negative where it is unknown."""
+
+
+@dataclass(frozen=True)
+class ResultName:
+    """What the name of a results file tells: ``METHOD_DATASET-SPLIT[-SPLITTYPE][_ID].csv``."""
+
+    method: str
+    dataset: str
+    split: str
+    split_type: str | None = None
+    identifier: str | None = None
+
+
+def parse_result_name(path: Path) -> ResultName:
+    """Return the parts of a results file's name. Raises `DatasetError` if it does not follow BOP's convention."""
+    match = _NAME.fullmatch(path.name)
+    if match is None:
+        raise DatasetError(
+            f"{path.name}: BOP's results are named METHOD_DATASET-SPLIT.csv, such as simpick-retrieval_ycbv-test.csv, "
+            "with no underscore in METHOD; rename the file."
+        )
+    return ResultName(match["method"], match["dataset"], match["split"], match["split_type"], match["id"])
+
+
+def read_results(path: Path) -> list[BopResult]:
+    """Return a file's estimates in its order. Raises `DatasetError` naming the line and the field that is wrong."""
+    try:
+        lines = path.read_text().splitlines()
+    except OSError as error:
+        raise DatasetError(f"cannot read {path}: {error.strerror}. Give a results CSV ({HEADER}).") from error
+    except UnicodeDecodeError as error:
+        raise DatasetError(f"{path}: is no text file. Give a results CSV ({HEADER}).") from error
+    results: list[BopResult] = []
+    times: dict[tuple[int, int], float] = {}
+    for number, line in enumerate(lines, start=1):
+        if not line.strip() or (number == 1 and HEADER in line.replace(" ", "")):
+            continue
+        result = _parse(line, f"{path}, line {number}")
+        image = result.scene_id, result.im_id
+        if abs(times.setdefault(image, result.time_s) - result.time_s) > _TIME_TOLERANCE_S:
+            raise DatasetError(
+                f"{path}, line {number}: time is {result.time_s:g} s, but an earlier line of scene {image[0]}, image "
+                f"{image[1]} has {times[image]:g} s; it is the time for the whole image, the same in all its lines."
+            )
+        results.append(result)
+    return results
+
+
+def write_results(path: Path, results: Iterable[BopResult]) -> None:
+    """Write the estimates in one step; numbers in full, so that reading them back is exact.
+
+    Raises `ConfigError` if two estimates of one image have different times.
+    """
+    lines = [HEADER]
+    times: dict[tuple[int, int], float] = {}
+    for r in results:
+        if abs(times.setdefault((r.scene_id, r.im_id), r.time_s) - r.time_s) > _TIME_TOLERANCE_S:
+            raise ConfigError(
+                f"time_s must be the same for all estimates of scene {r.scene_id}, image {r.im_id}, got "
+                f"{times[r.scene_id, r.im_id]} and {r.time_s}; give the time of the whole image."
+            )
+        R, t_mm = bop_from_transform(r.T_camera_model)
+        fields = r.scene_id, r.im_id, r.obj_id, float(r.score), _join(R), _join(t_mm), float(r.time_s)
+        lines.append(",".join(map(str, fields)))
+    atomic_write_text(path, "\n".join(lines) + "\n")
+
+
+def _join(values: Sequence[float]) -> str:
+    return " ".join(map(repr, values))
+
+
+def _parse(line: str, where: str) -> BopResult:
+    fields = line.split(",")
+    if len(fields) != 7:
+        raise DatasetError(f"{where}: must have 7 fields separated by commas ({HEADER}), has {len(fields)}.")
+    scene_id, im_id, obj_id = (
+        int(_floats(field, 1, name, where, whole=True)[0])
+        for name, field in zip(("scene_id", "im_id", "obj_id"), fields[:3], strict=True)
+    )
+    score = float(_floats(fields[3], 1, "score", where)[0])
+    R = _floats(fields[4], 9, "R", where).reshape(3, 3)
+    t_mm = _floats(fields[5], 3, "t", where)
+    check_object_distance(t_mm, f"{where}: t")
+    T_camera_model = transform_from_bop(R, t_mm, f"{where}: R")
+    return BopResult(scene_id, im_id, obj_id, score, T_camera_model, float(_floats(fields[6], 1, "time", where)[0]))
+
+
+def _floats(field: str, count: int, name: str, where: str, *, whole: bool = False) -> Float[np.ndarray, "{count}"]:
+    """Return the field's numbers, separated by blanks."""
+    texts = field.split()
+    if len(texts) != count:
+        hint = ", row by row, separated by blanks" if count > 1 else ""
+        raise DatasetError(f"{where}: {name} must have {count} number{'s' * (count > 1)}{hint}, has {len(texts)}.")
+    try:
+        values = np.array([int(text) if whole else float(text) for text in texts], float)
+    except ValueError as error:
+        kind = "a whole number" if whole else "numbers"
+        raise DatasetError(f"{where}: {name} must be {kind}, got {field.strip()!r}.") from error
+    if not np.isfinite(values).all():
+        raise DatasetError(f"{where}: {name} must be finite, got {field.strip()!r}.")
+    return values

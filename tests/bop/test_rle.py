@@ -1,0 +1,70 @@
+import numpy as np
+import pytest
+
+from simpick.bop.rle import compress_counts, decode_rle, decompress_counts, encode_compressed_rle, encode_rle
+from simpick.errors import DatasetError
+
+# Down the columns: 0 1 | 1 1 | 0 0 -> one 0, three 1, two 0.
+MASK = np.array([[False, True, False], [True, True, False]])
+COUNTS = [1, 3, 2]
+
+
+def test_runs_go_down_the_columns_and_begin_with_background():
+    assert encode_rle(MASK) == {"size": [2, 3], "counts": COUNTS}
+    assert encode_rle(~MASK) == {"size": [2, 3], "counts": [0, 1, 3, 2]}
+    assert encode_rle(np.zeros((2, 2), bool)) == {"size": [2, 2], "counts": [4]}
+    assert encode_rle(np.ones((2, 2), bool)) == {"size": [2, 2], "counts": [0, 4]}
+
+
+@pytest.mark.parametrize(
+    ("counts", "text"),
+    [
+        (COUNTS, "132"),  # below 16 a count is one character from '0'
+        ([15], "?"),
+        ([16], "`0"),  # 16 has bit 4, the sign, so a second group of 0 follows: 16 + 32 + 48 = '`', then '0'
+        ([100], "T3"),  # 100 = 4 + 3 * 32: 4 + 32 + 48 = 'T', 3 + 48 = '3'
+        ([7, 5, 9, 5, 9], "75900"),  # from the fourth on, differences to the count two before
+        ([7, 5, 9, 4], "759O"),  # -1 is 31 in 5 bits: 31 + 48 = 'O'
+        ([7, 40, 9, 4], "7X19lN"),  # -36: low group 28 + 32 + 48 = 'l', then -2 = 30 + 48 = 'N'
+    ],
+)
+def test_compressed_counts_match_the_hand_computed_text(counts, text):
+    assert compress_counts(counts) == text
+    assert decompress_counts(text, "here") == counts
+
+
+def test_compressed_form_matches_pycocotools():
+    mask = np.zeros((480, 640), bool)
+    mask[100:300, 200:500] = True
+    # Written by pycocotools 2.0: the same run repeats 299 times, so differences are 0.
+    assert encode_compressed_rle(mask) == {"size": [480, 640], "counts": "Tkm2X6h8" + "0" * 597 + "l`Q2"}
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.9, 1.0])
+def test_both_forms_give_the_mask_back(share):
+    rng = np.random.default_rng(3)
+    mask = rng.random((37, 53)) < share
+    np.testing.assert_array_equal(decode_rle(encode_rle(mask), 37, 53, "here"), mask)
+    np.testing.assert_array_equal(decode_rle(encode_compressed_rle(mask), 37, 53, "here"), mask)
+
+
+def test_a_mask_of_another_size_is_refused():
+    with pytest.raises(
+        DatasetError, match=r"f\.json, entry 3: the RLE's size is \[2, 3\], but the image's is \[48, 64\]"
+    ):
+        decode_rle(encode_rle(MASK), 48, 64, "f.json, entry 3")
+
+
+@pytest.mark.parametrize(
+    ("rle", "text"),
+    [
+        ({"size": [2, 3], "counts": [1, 3]}, r"add up to 2 x 3 = 6 pixels, and add up to 4; the file is damaged"),
+        ({"size": [2, 3], "counts": [9, -3]}, r"add up to 2 x 3 = 6 pixels"),
+        ({"size": [2, 3], "counts": "13 "}, r"' ' cannot occur in a compressed RLE"),
+        ({"size": [2, 3], "counts": "13T"}, r"ends within a number; the file is cut off"),
+        ([[1, 2, 3, 4]], r"a segmentation must be RLE with 'size' and 'counts', got \[\[1, 2, 3, 4\]\]"),
+    ],
+)
+def test_broken_encodings_are_refused(rle, text):
+    with pytest.raises(DatasetError, match=text):
+        decode_rle(rle, 2, 3, "here")
