@@ -1,0 +1,50 @@
+"""Which estimates and truths count, and which belong together: BOP's rules for the localization task."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from simpick.errors import ConfigError
+
+
+def count_targets(visible_fractions: Float[np.ndarray, "g"], min_visible: float = 0.1) -> int:
+    """Return the ``inst_count`` that BOP writes into ``test_targets_bop19``: instances at least 10 % visible."""
+    return int((visible_fractions >= min_visible).sum())
+
+
+def top_estimates(scores: Float[np.ndarray, "e"], inst_count: int) -> Int[np.ndarray, "k"]:
+    """Return the indices of the `inst_count` surest estimates, surest first; of equals, the earlier.
+
+    Raises:
+        ConfigError: a score is not finite.
+    """
+    if not np.isfinite(scores).all():
+        raise ConfigError(f"scores of estimates must be finite, got {scores.tolist()}; estimates are ranked by them")
+    return np.argsort(-scores, kind="stable")[:inst_count]
+
+
+def valid_truths(visible_fractions: Float[np.ndarray, "g"], inst_count: int) -> Int[np.ndarray, "k"]:
+    """Return the indices of the `inst_count` most visible truths, ascending; of equals, the earlier counts."""
+    return np.sort(np.argsort(-visible_fractions, kind="stable")[:inst_count])
+
+
+def greedy_matches(errors: Float[np.ndarray, "e g"], thresholds: Float[np.ndarray, "k"]) -> Int[np.ndarray, "k e"]:
+    """Return for every threshold and estimate the truth it is matched to, or -1.
+
+    Estimates choose in the order of the rows, surest first: each the unmatched truth with the least error, provided
+    that it is *below* the threshold; of equals, the first. Each truth is matched once.
+    """
+    errors = np.where(np.isnan(errors), np.inf, errors)
+    matches = np.full((len(thresholds), len(errors)), -1)
+    if errors.shape[1] == 0:
+        return matches
+    taken = np.zeros((len(thresholds), errors.shape[1]), bool)
+    rows = np.arange(len(thresholds))
+    for e, error in enumerate(errors):
+        free = np.where(taken, np.inf, error)
+        best = free.argmin(1)
+        hit = free[rows, best] < thresholds
+        matches[hit, e] = best[hit]
+        taken[rows[hit], best[hit]] = True
+    return matches

@@ -1,0 +1,58 @@
+"""What of a part enters its pose errors: vertices, diameter, symmetries."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.spatial import ConvexHull, KDTree, QhullError
+
+from simpick.assets.part import Part
+from simpick.errors import MeshError
+from simpick.geometry import SymmetryGroup
+
+
+@dataclass(frozen=True, eq=False)
+class EvaluationModel:
+    """A part as the error functions see it. Keep one for each part: hull, tree and symmetries are computed once."""
+
+    name: str
+    """The part's name, or a BOP data set's obj_id as text."""
+    vertices_m: Float[np.ndarray, "n 3"]
+    """Vertices in the part frame: for a BOP data set, those of ``models_eval``."""
+    diameter_m: float
+    """Largest distance between two vertices: for a BOP data set, as ``models_info`` states it."""
+    symmetries: SymmetryGroup
+    max_symmetry_step: float = 0.01
+    """Largest displacement between neighbouring rotations about a continuous axis, as a fraction of the diameter."""
+
+    def __post_init__(self) -> None:
+        if len(self.vertices_m) == 0 or not np.isfinite(self.vertices_m).all():
+            raise MeshError(f"model {self.name!r} must have finite vertices, got {len(self.vertices_m)} of them")
+        if not (np.isfinite(self.diameter_m) and self.diameter_m > 0):
+            raise MeshError(f"the diameter of model {self.name!r} must be positive, got {self.diameter_m} m")
+
+    @staticmethod
+    def of(part: Part) -> EvaluationModel:
+        """Return a part's evaluation model."""
+        return EvaluationModel(part.name, np.asarray(part.mesh.vertices, float), part.diameter_m, part.symmetries)
+
+    @cached_property
+    def symmetry_transforms(self) -> Float[np.ndarray, "m 4 4"]:
+        """Return the part's self-maps, continuous ones discretised as in the BOP toolkit."""
+        return self.symmetries.transforms_by_step(self.max_symmetry_step)
+
+    @cached_property
+    def hull_indices(self) -> Int[np.ndarray, "h"]:
+        """Return the vertices on the convex hull: all of them where the mesh is flat."""
+        try:
+            return np.sort(ConvexHull(self.vertices_m).vertices.astype(int))
+        except QhullError:
+            return np.arange(len(self.vertices_m))
+
+    @cached_property
+    def tree(self) -> KDTree:
+        """Return a search tree over the vertices."""
+        return KDTree(self.vertices_m)

@@ -1,0 +1,73 @@
+"""Numbers a person reads: medians, recalls at fixed angles, and both by how much of the part was visible."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float
+
+from simpick.errors import ConfigError
+from simpick.records import PoseError
+
+VISIBILITY_BANDS = (0.1, 0.3, 0.5, 0.7, 0.9, 1.0)
+"""Edges of the standard visibility bands; instances less than 10 % visible are no targets."""
+
+
+@dataclass(frozen=True)
+class PoseSummary:
+    """Pose errors over a set of instances that were to be found."""
+
+    count: int
+    """Instances, answered or not."""
+    answered: int
+    """Instances for which there was an estimate."""
+    median_rotation_deg: float
+    """Over the answered ones; NaN if there are none, as for all medians."""
+    median_translation_mm: float
+    median_lateral_mm: float
+    median_depth_mm: float
+    """Of the absolute depth error."""
+    median_mssd_mm: float
+    recall_5_deg: float
+    """Share of all instances, answered or not, turned by less than 5 degrees; NaN without instances."""
+    recall_15_deg: float
+    recall_30_deg: float
+
+
+def summarize(errors: Sequence[PoseError | None]) -> PoseSummary:
+    """Return the summary of these instances; None stands for an instance without an estimate."""
+    table = np.array(
+        [(e.rotation_deg, e.translation_mm, e.lateral_mm, abs(e.depth_mm), e.mssd_mm) for e in errors if e is not None]
+    ).reshape(-1, 5)
+    medians = np.median(table, axis=0) if len(table) else np.full(5, np.nan)
+    recalls = [float((table[:, 0] < deg).sum() / len(errors)) if errors else float("nan") for deg in (5, 15, 30)]
+    return PoseSummary(len(errors), len(table), *(float(m) for m in medians), *recalls)
+
+
+def summarize_by_visibility(
+    errors: Sequence[PoseError | None],
+    visible_fractions: Float[np.ndarray, "n"],
+    edges: Sequence[float] = VISIBILITY_BANDS,
+) -> dict[str, PoseSummary]:
+    """Return a summary for each band of visibility, named such as ``30-50 %``; upper edges belong to the next band.
+
+    The last band holds its upper edge too. Instances outside all bands are left out.
+
+    Raises:
+        ConfigError: edges do not ascend, or there is not one visible fraction for each error.
+    """
+    if len(edges) < 2 or not (np.diff(edges) > 0).all():
+        raise ConfigError(f"edges of visibility bands must be two or more and ascend, got {list(edges)}")
+    if len(errors) != len(visible_fractions):
+        raise ConfigError(f"there must be one visible fraction for each error, got {len(visible_fractions)}")
+    bands = {}
+    for low, high in pairwise(edges):
+        inside = (visible_fractions >= low) & (visible_fractions < high)
+        if high == edges[-1]:
+            inside |= visible_fractions == high
+        name = f"{100 * low:.0f}-{100 * high:.0f} %"
+        bands[name] = summarize([e for e, i in zip(errors, inside, strict=True) if i])
+    return bands
