@@ -7,7 +7,7 @@ with the base: neither finger motion nor the suction cup's spring moves it.
 
 from __future__ import annotations
 
-from typing import Literal, Protocol, TypeAlias
+from typing import Literal, Protocol, TypeAlias, runtime_checkable
 
 import mujoco
 import numpy as np
@@ -17,6 +17,7 @@ GripperBoxes: TypeAlias = Float[np.ndarray, "boxes 2 3"]
 """Lower and upper corners, in metres, of boxes aligned with the TCP frame that enclose the gripper's solids."""
 
 
+@runtime_checkable
 class Gripper(Protocol):
     """A gripper in a MuJoCo model: names, extent, and the commands that write its controls.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from simpick.assets.library import get_part
 from simpick.errors import ConfigError
 from simpick.geometry.transforms import matrix_from_quaternion, transform
-from simpick.scene.composition import check_fit, compose_scene, draw_parts, drop_generator
+from simpick.scene.composition import check_capacity, check_fit, compose_scene, draw_parts, drop_generator
 from simpick.scene.config import SceneConfig
 from simpick.scene.scene import Scene
 from simpick.scene.settling import settle
@@ -22,6 +22,7 @@ def build_scene(config: SceneConfig, seed: int) -> Scene:
     pool = tuple(get_part(name) for name in config.parts)
     check_fit(pool, config.bin)
     parts = draw_parts(pool, config.count, seed)
+    check_capacity(parts, config.bin)
     settled = settle(config, parts, drop_generator(seed))
     scene = Scene(config, seed, parts, compose_scene(config, parts, seed).compile())
     scene.redropped = settled.redropped

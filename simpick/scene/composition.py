@@ -19,9 +19,13 @@ from simpick.scene.parking import add_parking
 from simpick.scene.physics import PhysicsConfig, apply_physics, set_part_contact
 from simpick.scene.randomization import RANDOMIZATIONS, Look, PartTint, draw_look
 from simpick.scene.robot import mount_robot
+from simpick.scene.workspace import bin_zone
 
 # Each use of randomness has its own stream, so that a change of looks leaves the physics as it was.
 _PARTS_STREAM, _LOOK_STREAM, _DROP_STREAM = 0, 1, 2
+
+# Share of a heap's volume that the convex hulls of loosely poured parts can fill, at best.
+_PACKING = 0.65
 
 
 def body_name(instance: int) -> str:
@@ -51,6 +55,18 @@ def check_fit(parts: Sequence[Part], bin: BinConfig) -> None:
                 f" ({1000 * bin.length_m:.0f} x {1000 * bin.width_m:.0f} x {1000 * bin.depth_m:.0f} mm inside) with 5 %"
                 " to spare; take a larger bin or check the unit of the part's file"
             )
+
+
+def check_capacity(parts: Sequence[Part], bin: BinConfig) -> None:
+    """Raise SceneError where so many parts cannot lie in the bin even if they were packed well."""
+    wanted = sum(part.mesh.convex_hull.volume for part in parts) / _PACKING
+    room = float(np.prod(bin_zone(bin).size_m))
+    if wanted > room:
+        raise SceneError(
+            f"{len(parts)} parts ({', '.join(sorted({part.name for part in parts}))}) must fit into the bin with its"
+            f" heap ({1000 * room:.1f} litres), got parts that fill {1000 * wanted:.1f} litres when heaped; take"
+            f" at most {int(len(parts) * room / wanted)} parts or a larger bin"
+        )
 
 
 def compose_scene(config: SceneConfig, parts: Sequence[Part], seed: int) -> mujoco.MjSpec:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, field
-from typing import Any, Literal, get_args
+from typing import Any
 
 from simpick.errors import ConfigError, UnknownNameError
 from simpick.scene.physics import PhysicsConfig
@@ -13,8 +13,7 @@ from simpick.scene.randomization import RANDOMIZATIONS
 MAX_PARTS = 50
 """A bin holds at most this many parts."""
 
-GripperKind = Literal["jaw", "suction"]
-GRIPPERS: tuple[str, ...] = get_args(GripperKind)
+GRIPPERS = ("jaw", "suction")
 """Grippers that an arm can carry."""
 
 
@@ -73,8 +72,8 @@ class SceneConfig:
     """Parts in the bin at the start, 1 to 50."""
     robot: str | None = "ur5e"
     """Name of the arm; None leaves the cell without arm, gripper and wrist camera, for data sets."""
-    gripper: GripperKind = "jaw"
-    """What the arm carries."""
+    gripper: str = "jaw"
+    """What the arm carries, one of `GRIPPERS`."""
     bin: BinConfig = BinConfig()
     """The bin; its centre is fixed, see `workspace`."""
     overhead: CameraConfig = CameraConfig(640, 480, 28.0)
@@ -98,7 +97,7 @@ class SceneConfig:
         if not 1 <= self.count <= MAX_PARTS:
             raise ConfigError(f"count must be between 1 and {MAX_PARTS} parts, got {self.count}")
         if self.gripper not in GRIPPERS:
-            raise UnknownNameError("gripper", str(self.gripper), GRIPPERS)
+            raise UnknownNameError("gripper", self.gripper, GRIPPERS)
         if self.randomization not in RANDOMIZATIONS:
             raise UnknownNameError("randomization preset", self.randomization, RANDOMIZATIONS)
         lowest = self.bin.depth_m + 0.3

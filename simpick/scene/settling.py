@@ -26,7 +26,8 @@ _STILL_WINDOW_S = 0.1
 _LAYER_S = 0.25
 _SLOW_S = 3.0
 _FREE_S = 3.0
-_ROUNDS = 12
+_ROUNDS = 10
+_ROUNDS_WITHOUT_GAIN = 3
 _LAYER_PARTS = 6
 _TRIALS = 20
 # Parts fall as if through honey, at most at gravity / rate = 0.65 m/s: faster ones would pass through thin walls
@@ -71,29 +72,33 @@ class _Dropping:
             park(model, data, body_name(k), k)
         wake_all(model, data)
         waiting = list(range(len(self._parts)))
-        redropped = 0
+        redropped, fewest, without_gain = 0, len(waiting), 0
         for _ in range(_ROUNDS):
             self._set_drag(_DRAG_RATE_1_S)
             while waiting:
                 waiting = self._drop_layer(waiting)
                 self._advance(_LAYER_S)
-            self._until_still(_SLOW_S)
+            self._until_still(_SLOW_S, windows=1)
             waiting = self._escaped() or self._colliding()
             if not waiting:
                 self._set_drag(0.0)
-                self._until_still(_FREE_S)
+                self._until_still(_FREE_S, windows=3)
                 waiting = self._escaped() or self._colliding()
             if not waiting:
                 return Settled(data.qpos.reshape(-1, 7).copy(), redropped, float(data.time))
             redropped += len(waiting)
+            without_gain = 0 if len(waiting) < fewest else without_gain + 1
+            fewest = min(fewest, len(waiting))
+            if without_gain >= _ROUNDS_WITHOUT_GAIN:
+                break
             for k in waiting:
                 park(model, data, body_name(k), k)
                 self._inside[k] = False
             wake_all(model, data)
         names = ", ".join(sorted({self._parts[k].name for k in waiting}))
         raise SceneError(
-            f"{len(waiting)} of {len(self._parts)} parts ({names}) did not come to rest in the bin after {_ROUNDS}"
-            " rounds of dropping; take fewer parts or a larger bin"
+            f"{len(waiting)} of {len(self._parts)} parts ({names}) did not come to rest in the bin, however often"
+            " they were dropped; take fewer parts or a larger bin"
         )
 
     def _drop_layer(self, waiting: list[int]) -> list[int]:
@@ -145,18 +150,19 @@ class _Dropping:
         if not np.all(np.isfinite(self._data.qpos)):
             raise SceneError("the physics diverged while parts were settling; try another seed or a smaller timestep_s")
 
-    def _until_still(self, limit_s: float) -> None:
-        """Simulate until no part has moved for a while, or the limit is reached."""
+    def _until_still(self, limit_s: float, windows: int) -> None:
+        """Simulate until no part has moved for so many windows in a row, or the limit is reached."""
         deadline = self._data.time + limit_s
         before = self._data.qpos.reshape(-1, 7).copy()
-        while self._data.time < deadline:
+        still = 0
+        while still < windows and self._data.time < deadline:
             self._advance(_STILL_WINDOW_S)
             after = self._data.qpos.reshape(-1, 7).copy()
             shift = np.linalg.norm(after[:, :3] - before[:, :3], axis=1)
             # The half angle between two unit quaternions, times the diameter, is how far the part's rim turned.
             turn = np.arccos(np.clip(np.abs(np.sum(after[:, 3:] * before[:, 3:], axis=1)), 0, 1)) * 2 * self._radius
-            if np.all(np.maximum(shift, turn) < STILL_SPEED * _STILL_WINDOW_S):
-                return
+            moved = np.maximum(shift, turn)[self._inside].max(initial=0.0)
+            still = still + 1 if moved < STILL_SPEED * _STILL_WINDOW_S else 0
             before = after
 
     def _escaped(self) -> list[int]:
