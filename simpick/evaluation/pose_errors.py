@@ -20,7 +20,7 @@ _CHUNK = 1 << 21
 """Coordinates held at once while a batch is worked through: keeps large groups and meshes in the cache."""
 
 
-def pose_errors(
+def batch_pose_errors(
     Ts_camera_estimate: Float[np.ndarray, "n 4 4"], Ts_camera_truth: Float[np.ndarray, "n 4 4"], model: EvaluationModel
 ) -> list[PoseError]:
     """Return the errors of estimates of one part against their truths, pair by pair.
@@ -46,8 +46,8 @@ def pose_errors(
 def pose_error(
     T_camera_estimate: Float[np.ndarray, "4 4"], T_camera_truth: Float[np.ndarray, "4 4"], model: EvaluationModel
 ) -> PoseError:
-    """Return the errors of one estimate; see `pose_errors`."""
-    return pose_errors(T_camera_estimate[None], T_camera_truth[None], model)[0]
+    """Return the errors of one estimate; see `batch_pose_errors`."""
+    return batch_pose_errors(T_camera_estimate[None], T_camera_truth[None], model)[0]
 
 
 def add(

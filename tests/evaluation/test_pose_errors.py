@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from simpick.errors import MeshError
-from simpick.evaluation import EvaluationModel, add, add_s, mspd, mssd, pose_error, pose_errors
+from simpick.evaluation import EvaluationModel, add, add_s, batch_pose_errors, mspd, mssd, pose_error
 from simpick.evaluation.pose_errors import bounding_spheres_overlap, sphere_projections_overlap
 from simpick.geometry import ContinuousSymmetry, Pinhole, SymmetryGroup, random_rotation, so3_exp, transform
 
@@ -190,9 +190,9 @@ def test_translation_error_follows_the_equivalent_pose() -> None:
 
 def test_lists_of_estimates_keep_their_order() -> None:
     estimates = np.stack([at(0, 0, 1.001), at(0, 0, 1.002)])
-    errors = pose_errors(estimates, np.stack([TRUTH, TRUTH]), PLATE)
+    errors = batch_pose_errors(estimates, np.stack([TRUTH, TRUTH]), PLATE)
     assert [round(e.depth_mm, 6) for e in errors] == [1, 2]
-    assert pose_errors(np.zeros((0, 4, 4)), np.zeros((0, 4, 4)), PLATE) == []
+    assert batch_pose_errors(np.zeros((0, 4, 4)), np.zeros((0, 4, 4)), PLATE) == []
 
 
 def test_bounding_spheres_overlap_below_a_diameter() -> None:
