@@ -7,16 +7,14 @@ from jaxtyping import Float, Float32
 
 from simpick.assets.grippers import JAW_STROKE_M
 from simpick.errors import ConfigError
-from simpick.geometry import matrix_from_rotation6d, rotation6d_from_matrix, transform
+from simpick.geometry import rotation_from_6d, rotation_to_6d, transform
 from simpick.scene.workspace import Box
 
 ABSTAIN: Float32[np.ndarray, "10"] = np.zeros(10, np.float32)
 """No pick. All zeros are no rotation, so that no real pick is lost; the arm stays at home and the attempt counts."""
 
 
-def encode_action(
-    T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float, workspace: Box
-) -> Float32[np.ndarray, "10"]:
+def encode_action(T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float, workspace: Box) -> Float32[np.ndarray, "10"]:
     """Return the action that commands this TCP pose and this opening between the pads.
 
     Elements 0-2 are the position, mapped from the box `workspace`; 3-8 the first two columns of the rotation (6D
@@ -32,7 +30,7 @@ def encode_action(
             f"got {T_world_tcp[:3, 3].round(4).tolist()} m"
         )
     opening = 2.0 * opening_m / JAW_STROKE_M - 1.0
-    rotation = rotation6d_from_matrix(T_world_tcp[:3, :3])
+    rotation = rotation_to_6d(T_world_tcp[:3, :3])
     return np.clip(np.concatenate([position, rotation, [opening]]), -1.0, 1.0).astype(np.float32)
 
 
@@ -53,4 +51,4 @@ def decode_action(
         columns = np.concatenate([first, np.eye(3)[np.argmin(np.abs(first))]])
     position = workspace.centre_m + action[:3] * workspace.size_m / 2
     opening_m = float((action[9] + 1.0) / 2.0 * JAW_STROKE_M)
-    return transform(matrix_from_rotation6d(columns), position), opening_m
+    return transform(rotation_from_6d(columns), position), opening_m

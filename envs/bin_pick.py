@@ -12,14 +12,14 @@ import gymnasium
 import numpy as np
 from gymnasium.utils import EzPickle
 
-from simpick.assets import get_part, part_names
+from simpick.assets.library import get_part, part_names
 from simpick.envs.actions import decode_action
 from simpick.envs.observations import observation_from_frame
 from simpick.envs.spaces import action_space, observation_space
 from simpick.errors import ConfigError
 from simpick.motion import PickExecutor, PickResult
 from simpick.records import CameraFrame, InstanceTruth, PickOutcome, PickRecord
-from simpick.rendering import SceneRenderer
+from simpick.rendering.scene_renderer import SceneRenderer
 from simpick.scene import Scene, SceneConfig, build_scene
 from simpick.scene.workspace import tcp_workspace
 
@@ -29,6 +29,9 @@ ATTEMPT_COST = 0.1
 """For an attempt that delivered nothing."""
 COLLISION_COST = 0.1
 """On top, for an attempt that ended in a collision."""
+
+ABSTAINED = PickResult(PickOutcome.NO_GRASP, "the action abstained", (), 0.0, 0.0, (), (), ())
+"""The result of an all-zero action."""
 
 RENDER_MODES = ("rgb_array", "rgb_array_list")
 RENDER_FPS = 25
@@ -91,16 +94,18 @@ class BinPickEnv(gymnasium.Env, EzPickle):
         """The kinds of parts that the bin is filled from."""
         self.part_names = tuple(part.name for part in self.parts)
         self.render_mode = render_mode
-        self.observation_space = observation_space(self.scene_config.overhead.width_px, self.scene_config.overhead.height_px)
+        self.observation_space = observation_space(
+            self.scene_config.overhead.width_px, self.scene_config.overhead.height_px
+        )
         self.action_space = action_space()
         self.workspace = tcp_workspace(self.scene_config.bin)
         """Where actions may place the TCP."""
         self.timings_s: dict[str, float] = {}
         """Wall-clock seconds of the last reset or step: ``simulate`` and ``render``."""
         self.on_tick: Any = None
-        """Called with the scene as the simulation advances, some 25 times a simulated second; for recording."""
+        """Called with the scene after every control period (10 ms) while the arm moves; for recording."""
         self.on_stage: Any = None
-        """Called with a stage's name and a sentence about it as the arm enters it; for recording."""
+        """Called with a stage's name as the arm enters it; for recording."""
         self._max_consecutive_failures = max_consecutive_failures
         self._max_picks = max_picks
         self._scene: Scene | None = None
@@ -151,11 +156,12 @@ class BinPickEnv(gymnasium.Env, EzPickle):
             # An explicit seed names the bin; without one the environment's own generator goes on to the next.
             scene_seed = seed if seed is not None else int(self.np_random.integers(2**31))
             self._scene = build_scene(self.scene_config, scene_seed)
-        self._executor = PickExecutor(self._scene, on_tick=self._tick)
+        self._executor = PickExecutor(self._scene, on_step=self._tick, on_stage=self._stage)
         self._renderer = SceneRenderer(self._scene)
         self._picks = self._failures = 0
         self._last_outcome: PickOutcome | None = None
         self._frames.clear()
+        self._next_frame_s = 0.0
         self.timings_s = {"simulate": time.perf_counter() - start}
         return self._observe(), self._info()
 
@@ -164,7 +170,7 @@ class BinPickEnv(gymnasium.Env, EzPickle):
         start = time.perf_counter()
         command = decode_action(action, self.workspace)
         if command is None:
-            result = PickResult.abstained()
+            result = ABSTAINED
         else:
             result = self._executor.execute(*command)
         self.timings_s = {"simulate": time.perf_counter() - start}
@@ -203,8 +209,13 @@ class BinPickEnv(gymnasium.Env, EzPickle):
     def _tick(self, scene: Scene) -> None:
         if self.on_tick is not None:
             self.on_tick(scene)
-        if self.render_mode == "rgb_array_list":
+        if self.render_mode == "rgb_array_list" and scene.time_s >= self._next_frame_s:
+            self._next_frame_s = scene.time_s + 1 / RENDER_FPS
             self._frames.append(self.capture("overview").rgb)
+
+    def _stage(self, name: str) -> None:
+        if self.on_stage is not None:
+            self.on_stage(name)
 
     def _observe(self) -> dict[str, Any]:
         start = time.perf_counter()
@@ -219,9 +230,9 @@ class BinPickEnv(gymnasium.Env, EzPickle):
         return {
             "is_success": not self.scene.parts_in_bin(),
             "truth": {
-                "instance": np.array([t.instance for t in truth]),
-                "T_world_part": np.stack([t.T_world_part for t in truth]),
-                "in_bin": np.array([t.in_bin for t in truth]),
+                "instance": np.array([t.instance for t in truth], np.int64),
+                "T_world_part": np.array([t.T_world_part for t in truth]).reshape(-1, 4, 4),
+                "in_bin": np.array([t.in_bin for t in truth], bool),
             },
         }
 

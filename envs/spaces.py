@@ -14,7 +14,9 @@ OUTCOMES: tuple[PickOutcome, ...] = tuple(PickOutcome)
 """The order in which outcomes are numbered in observations, from 1; 0 stands for "no pick yet"."""
 
 FAR_M = 10.0
-"""Depth beyond which a camera reports no reading."""
+"""Depth beyond which a camera reports no reading; no camera stands farther from the arm's base."""
+FAR_PX = 1e5
+"""Upper bound of focal lengths and principal points."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,10 @@ def observation_table(width: int, height: int) -> tuple[ObservationItem, ...]:
     return (
         ObservationItem("rgb", "overhead image", "", box(0, 255, (height, width, 3), np.uint8)),
         ObservationItem(
-            "depth", "distance along the optical axis; 0 = no reading", "m", box(0.0, FAR_M, (height, width), np.float32)
+            "depth",
+            "distance along the optical axis; 0 = no reading",
+            "m",
+            box(0.0, FAR_M, (height, width), np.float32),
         ),
         ObservationItem(
             "segmentation",
@@ -47,9 +52,11 @@ def observation_table(width: int, height: int) -> tuple[ObservationItem, ...]:
             "",
             box(-1, MAX_PARTS - 1, (MAX_PARTS,), np.int16),
         ),
-        ObservationItem("camera_matrix", "intrinsics K, pixel centres at +0.5", "px", box(-np.inf, np.inf, (3, 3), np.float64)),
         ObservationItem(
-            "T_world_camera", "camera pose, OpenCV axes (+z forward)", "m", box(-np.inf, np.inf, (4, 4), np.float64)
+            "camera_matrix", "intrinsics K, pixel centres at +0.5", "px", box(0.0, FAR_PX, (3, 3), np.float64)
+        ),
+        ObservationItem(
+            "T_world_camera", "camera pose, OpenCV axes (+z forward)", "m", box(-FAR_M, FAR_M, (4, 4), np.float64)
         ),
         ObservationItem("remaining", "parts still in the bin", "", spaces.Discrete(MAX_PARTS + 1)),
         ObservationItem(

@@ -148,6 +148,8 @@ class PickRecord:
     """Simulated time from leaving home to being back."""
     stages: tuple[str, ...] = ()
     """Stages reached, in order."""
+    gripped: tuple[int, ...] = ()
+    """Instances that the gripper held after closing."""
     peak_force_n: float = 0.0
     """Largest contact force on the gripper's pads or cup."""
     timings_s: dict[str, float] = field(default_factory=dict)

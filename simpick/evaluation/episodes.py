@@ -11,6 +11,7 @@ import numpy as np
 
 from simpick.envs.bin_pick import BinPickEnv
 from simpick.envs.observations import frame_from_observation
+from simpick.evaluation.models import EvaluationModel
 from simpick.evaluation.perceptions import make_perception
 from simpick.evaluation.pose_errors import pose_error
 from simpick.evaluation.result_store import EpisodeResult
@@ -120,7 +121,7 @@ def complete_record(
     error = None
     if true_pose is not None:
         part = next(p for p in env.parts if p.name == target.part)
-        error = pose_error(target.T_camera_part, invert(T_world_camera) @ true_pose, part)
+        error = pose_error(target.T_camera_part, invert(T_world_camera) @ true_pose, EvaluationModel.of(part))
     return dataclasses.replace(pick, target_part=target.part, target_instance=instance, pose_error=error)
 
 

@@ -72,6 +72,7 @@ def pick_from_json(pick: dict[str, Any]) -> PickRecord:
             "delivered": tuple(pick["delivered"]),
             "ejected": tuple(pick["ejected"]),
             "stages": tuple(pick["stages"]),
+            "gripped": tuple(pick["gripped"]),
             "pose_error": None if error is None else PoseError(**error),
         }
     )
@@ -164,4 +165,3 @@ def read_results(file: Path) -> list[EpisodeResult]:
                 "Remove that line to run its episode again, or use --overwrite"
             ) from error
     return results
-

@@ -1,0 +1,50 @@
+"""Actions and TCP poses are two forms of the same thing."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from simpick.envs.actions import ABSTAIN, decode_action, encode_action
+from simpick.envs.spaces import action_space
+from simpick.errors import ConfigError
+from simpick.geometry import random_rotation, rotation_angle, transform
+from simpick.scene.config import BinConfig
+from simpick.scene.workspace import tcp_workspace
+
+WORKSPACE = tcp_workspace(BinConfig())
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_poses_survive_the_round_trip(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    T = transform(random_rotation(rng), rng.uniform(WORKSPACE.lower_m, WORKSPACE.upper_m))
+    opening = rng.uniform(0.0, 0.085)
+    action = encode_action(T, opening, WORKSPACE)
+    assert action in action_space()
+    decoded = decode_action(action, WORKSPACE)
+    assert decoded is not None
+    # Actions are float32, so poses come back to well under a micrometre and a hundredth of a degree.
+    np.testing.assert_allclose(decoded[0][:3, 3], T[:3, 3], atol=1e-6)
+    assert rotation_angle(T[:3, :3].T @ decoded[0][:3, :3]) < 1e-5
+    assert decoded[1] == pytest.approx(opening, abs=1e-7)
+
+
+@given(st.lists(st.floats(-1, 1, width=32), min_size=10, max_size=10))
+def test_every_action_is_a_pose_or_abstains(values: list[float]) -> None:
+    decoded = decode_action(np.array(values, np.float32), WORKSPACE)
+    if decoded is None:
+        assert not np.any(values[3:9])
+    else:
+        R = decoded[0][:3, :3]
+        np.testing.assert_allclose(R.T @ R, np.eye(3), atol=1e-6)
+        assert np.linalg.det(R) > 0
+
+
+def test_zeros_abstain() -> None:
+    assert decode_action(ABSTAIN, WORKSPACE) is None
+
+
+def test_poses_outside_the_workspace_are_refused() -> None:
+    T = transform(translation=np.array([0.5, 0.0, 1.0]))
+    with pytest.raises(ConfigError, match=r"must lie in the workspace \(0.35, .*got \[0.5, 0.0, 1.0\] m"):
+        encode_action(T, 0.05, WORKSPACE)

@@ -1,0 +1,170 @@
+"""`simpick/BinPick-v0` behaves as users of gymnasium expect."""
+
+import pickle
+import subprocess
+import sys
+
+import gymnasium
+import numpy as np
+import pytest
+import simpick  # noqa: F401 - registers the environments
+from gymnasium.utils.env_checker import check_env
+from simpick.assets.library import part_names
+from simpick.envs.actions import ABSTAIN
+from simpick.envs.bin_pick import BinPickEnv
+from simpick.envs.spaces import OUTCOMES, observation_docs, outcome_from_index, outcome_index
+from simpick.errors import ConfigError, UnknownPartError
+from simpick.records import PickOutcome
+
+pytestmark = pytest.mark.render
+
+
+def same_observations(a: dict, b: dict) -> bool:
+    return a.keys() == b.keys() and all(np.array_equal(a[key], b[key]) for key in a)
+
+
+def test_gymnasium_accepts_it() -> None:
+    env = gymnasium.make("simpick/BinPick-v0", count=2, render_mode="rgb_array")
+    check_env(env.unwrapped)
+    env.close()
+
+
+def test_reset_tells_success_and_truth() -> None:
+    env = BinPickEnv(count=3)
+    observation, info = env.reset(seed=1)
+    assert info["is_success"] is False
+    assert info["truth"]["T_world_part"].shape == (3, 4, 4) and info["truth"]["in_bin"].all()
+    assert observation["remaining"] == 3 and observation["last_outcome"] == 0
+    env.close()
+
+
+def test_every_part_is_seen_and_named() -> None:
+    env = BinPickEnv(parts=["hex_bolt", "pipe_tee"], count=4)
+    observation, _ = env.reset(seed=2)
+    assert set(np.unique(observation["segmentation"])) == {0, 1, 2, 3, 4}
+    names = [env.part_names[k] for k in observation["instance_parts"] if k >= 0]
+    assert names == [instance.part.name for instance in env.scene.instances]
+    env.close()
+
+
+def test_observations_share_no_memory() -> None:
+    env = BinPickEnv(count=2)
+    first, _ = env.reset(seed=0)
+    kept = {key: np.array(value, copy=True) for key, value in first.items()}
+    second, *_ = env.step(ABSTAIN)
+    assert not any(np.shares_memory(first[key], second[key]) for key in ("rgb", "depth", "segmentation"))
+    env.step(ABSTAIN)
+    assert same_observations(first, kept)
+    env.close()
+
+
+def test_abstaining_twice_ends_the_episode() -> None:
+    env = BinPickEnv(count=2)
+    env.reset(seed=0)
+    _, reward, terminated, truncated, info = env.step(ABSTAIN)
+    assert (reward, terminated, truncated) == (-0.1, False, False)
+    assert info["pick"].outcome is PickOutcome.NO_GRASP
+    observation, _, terminated, _, info = env.step(ABSTAIN)
+    assert terminated and info["ended"] == "consecutive_failures"
+    assert outcome_from_index(int(observation["last_outcome"])) is PickOutcome.NO_GRASP
+    env.close()
+
+
+def test_max_picks_truncates() -> None:
+    env = BinPickEnv(count=2, max_picks=1)
+    env.reset(seed=0)
+    _, _, terminated, truncated, info = env.step(ABSTAIN)
+    assert (terminated, truncated, info["ended"]) == (False, True, "max_picks")
+    env.close()
+
+
+def test_same_seed_is_the_same_bin_in_another_process() -> None:
+    code = (
+        "import hashlib; from simpick.envs.bin_pick import BinPickEnv; env = BinPickEnv(count=3);"
+        "o, i = env.reset(seed=5); print(hashlib.sha256(o['rgb'].tobytes() + o['depth'].tobytes()"
+        " + i['truth']['T_world_part'].tobytes()).hexdigest())"
+    )
+    runs = [subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True) for _ in range(2)]
+    assert runs[0].stdout == runs[1].stdout and len(runs[0].stdout.strip()) == 64
+
+
+def test_reset_without_seed_goes_on_to_another_bin() -> None:
+    env = BinPickEnv(count=2)
+    _, first = env.reset(seed=5)
+    _, second = env.reset()
+    assert not np.array_equal(first["truth"]["T_world_part"], second["truth"]["T_world_part"])
+    env.close()
+
+
+def test_it_pickles() -> None:
+    env = BinPickEnv(count=2, gripper="suction", max_picks=3)
+    a, _ = env.reset(seed=4)
+    copy = pickle.loads(pickle.dumps(env))
+    b, _ = copy.reset(seed=4)
+    assert same_observations(a, b)
+    env.close()
+    copy.close()
+
+
+def test_async_vector_environments_work() -> None:
+    envs = gymnasium.make_vec(
+        "simpick/BinPick-v0", num_envs=2, vectorization_mode="async", vector_kwargs={"context": "spawn"}, count=2
+    )
+    observation, _ = envs.reset(seed=[1, 2])
+    assert observation["rgb"].shape == (2, 480, 640, 3)
+    _, reward, *_ = envs.step(np.stack([ABSTAIN, ABSTAIN]))
+    assert reward.tolist() == [-0.1, -0.1]
+    envs.close()
+
+
+def test_closing_twice_is_harmless() -> None:
+    env = BinPickEnv(count=1)
+    env.reset(seed=0)
+    env.close()
+    env.close()
+    with pytest.raises(ConfigError, match=r"call reset\(\) first"):
+        env.truth()
+
+
+def test_saved_scenes_come_back(tmp_path) -> None:
+    env = BinPickEnv(count=2)
+    a, _ = env.reset(seed=6)
+    env.scene.save(tmp_path / "bin.npz")
+    b, _ = env.reset(options={"scene_file": tmp_path / "bin.npz"})
+    assert same_observations(a, b)
+    with pytest.raises(ConfigError, match=r"unknown reset options \['scenefile'\]; valid: scene_file"):
+        env.reset(options={"scenefile": "x"})
+    env.close()
+
+
+def test_frames_of_a_motion_come_as_a_list() -> None:
+    env = BinPickEnv(count=1, render_mode="rgb_array_list")
+    env.reset(seed=0)
+    frames = env.render()
+    assert len(frames) == 1 and frames[0].shape == (480, 640, 3) and frames[0].std() > 10
+    env.close()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "text"),
+    [
+        ({"parts": ["hex_bolt", "nonsense"]}, UnknownPartError, "no part named 'nonsense'. Valid: .*hex_bolt"),
+        ({"count": 0}, ConfigError, "count must be between 1 and 50 parts, got 0"),
+        ({"count": 500}, ConfigError, "count must be between 1 and 50 parts, got 500"),
+        ({"render_mode": "human"}, ConfigError, "render_mode must be None or one of rgb_array, rgb_array_list"),
+        ({"max_picks": 0}, ConfigError, "max_picks must be 1 or more, got 0"),
+    ],
+)
+def test_bad_arguments_are_refused_before_anything_is_simulated(arguments, error, text) -> None:
+    with pytest.raises(error, match=text):
+        BinPickEnv(**arguments)
+
+
+def test_outcomes_are_numbered_both_ways() -> None:
+    assert [outcome_from_index(outcome_index(o)) for o in (None, *OUTCOMES)] == [None, *OUTCOMES]
+
+
+def test_the_documented_table_names_every_observation() -> None:
+    docs = observation_docs()
+    env = BinPickEnv(parts=part_names()[:1], count=1)
+    assert all(f"`{key}`" in docs for key in env.observation_space)
