@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cache, lru_cache
+from pathlib import Path
 
-from simpick.assets import brackets, fasteners, fittings, mechanics, mouldings
+from simpick.assets import brackets, fasteners, fittings, mechanics, mouldings, user_parts
 from simpick.assets.part import Part
+from simpick.assets.random_parts import random_part, seed_from_name
 from simpick.errors import UnknownPartError
 
 _BUILDERS: dict[str, Callable[[], Part]] = {
@@ -44,14 +46,56 @@ _BUILDERS: dict[str, Callable[[], Part]] = {
 }
 
 
-def part_names() -> list[str]:
-    """Return the names that `get_part` takes, sorted."""
+def library_part_names() -> list[str]:
+    """Return the names of the parts that come with simpick, sorted."""
     return sorted(_BUILDERS)
 
 
-@lru_cache(maxsize=256)
-def get_part(name_or_path: str) -> Part:
-    """Return a part. Raises `UnknownPartError`."""
-    if name_or_path not in _BUILDERS:
-        raise UnknownPartError(name_or_path, part_names())
-    return _BUILDERS[name_or_path]()
+def part_names() -> list[str]:
+    """Return the names that `get_part` takes, sorted: the library's and those that the user added."""
+    return sorted({*_BUILDERS, *user_parts.user_part_names()})
+
+
+def is_reserved_name(name: str) -> bool:
+    """Return whether a user's part may not take this name."""
+    return name in _BUILDERS or seed_from_name(name) is not None
+
+
+def get_part(name_or_path: str | Path) -> Part:
+    """Return a part by a library name, a name the user added, or a path to an STL, OBJ, PLY or GLB file.
+
+    ``random_<seed>`` names the training part of that seed. The same name gives the same object until a file behind
+    it changes. A file whose own name is a library part's becomes ``<name>_cad``, so that both fit into one scene.
+    Raises `UnknownPartError`, which lists the names, and `MeshError` for a file that cannot become a part.
+    """
+    name = str(name_or_path)
+    if name in _BUILDERS:
+        return _library_part(name)
+    if (seed := seed_from_name(name)) is not None:
+        return random_part(seed)
+    if user_parts.is_mesh_path(name):
+        path = Path(name)
+        return _part_of_file(path, path.stat().st_mtime_ns if path.is_file() else 0)
+    if name in user_parts.user_part_names():
+        settings = user_parts.user_parts_dir() / name / "part.json"
+        return _added_part(name, settings, settings.stat().st_mtime_ns)
+    raise UnknownPartError(name, part_names())
+
+
+@cache
+def _library_part(name: str) -> Part:
+    return _BUILDERS[name]()
+
+
+# The time stamps are only keys: a file that was replaced is read again.
+
+
+@lru_cache(maxsize=64)
+def _part_of_file(path: Path, _modified_ns: int) -> Part:
+    name = user_parts.name_from_path(path)
+    return user_parts.load_cad(path, name=f"{name}_cad" if name in part_names() else name)
+
+
+@lru_cache(maxsize=64)
+def _added_part(name: str, _settings: Path, _modified_ns: int) -> Part:
+    return user_parts.load_user_part(name)

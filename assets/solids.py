@@ -13,7 +13,7 @@ from typing import TypeAlias
 import numpy as np
 import trimesh
 from jaxtyping import Float
-from manifold3d import CrossSection, JoinType, Manifold, OpType
+from manifold3d import CrossSection, JoinType, Manifold, Mesh64, OpType
 
 from simpick.assets.part import Part
 from simpick.assets.stock import Stock
@@ -163,6 +163,12 @@ def to_trimesh(solid: Manifold) -> trimesh.Trimesh:
     """Return the solid as a mesh in the solid's own unit, vertices as manifold merged them."""
     mesh = solid.to_mesh64()
     return trimesh.Trimesh(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, int), process=False)
+
+
+def to_manifold(mesh: trimesh.Trimesh) -> Manifold:
+    """Return a closed mesh as a solid; it is empty, with a status that says why, if the mesh is not manifold."""
+    vertices, faces = np.ascontiguousarray(mesh.vertices, float), np.ascontiguousarray(mesh.faces, np.uint64)
+    return Manifold(Mesh64(vertices, faces))
 
 
 def finish(
