@@ -50,23 +50,31 @@ def select_gl_backend() -> str:
 def requested_backend() -> str | None:
     """Return the back end that ``MUJOCO_GL`` names, None if it leaves the choice open.
 
-    Cheap, and loads nothing: MuJoCo fails on an unknown name already while it is imported, so a program that wants
-    the message below instead asks here first.
-
     Raises:
         RenderingUnavailableError: it names none that exists, or switches rendering off.
     """
-    value = os.environ.get("MUJOCO_GL", "").lower().strip()
-    if value in _AUTOMATIC:
-        return None
+    refuse_unknown_backend()
+    value = _environment()
     if value in _DISABLED:
         raise RenderingUnavailableError(f"rendering is switched off by MUJOCO_GL={value}; unset it: unset MUJOCO_GL")
-    if value not in _SPELLINGS:
+    return _SPELLINGS.get(value)
+
+
+def refuse_unknown_backend() -> None:
+    """Raise RenderingUnavailableError if ``MUJOCO_GL`` is no name at all.
+
+    MuJoCo itself fails on it, with a bare RuntimeError and already while it is imported; so this comes before that.
+    """
+    value = _environment()
+    if value not in (*_AUTOMATIC, *_DISABLED, *_SPELLINGS):
         raise RenderingUnavailableError(
             f"MUJOCO_GL must be one of {', '.join(BACKENDS)}, got {value!r}; "
             "unset it, and simpick takes the first that works: unset MUJOCO_GL"
         )
-    return _SPELLINGS[value]
+
+
+def _environment() -> str:
+    return os.environ.get("MUJOCO_GL", "").lower().strip()
 
 
 def make_gl_context(width: int, height: int) -> Any:

@@ -6,8 +6,9 @@ and ids, whose values are exactly those at the pixels' centres.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -23,7 +24,8 @@ _SKYBOX = int(mujoco.mjtRndFlag.mjRND_SKYBOX)
 _SEGMENT = int(mujoco.mjtRndFlag.mjRND_SEGMENT)
 _IDCOLOR = int(mujoco.mjtRndFlag.mjRND_IDCOLOR)
 _GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)
-# Sites, tendons and other decoration are of the third category, which no camera sees.
+# Decoration is of the third category, which no camera sees. Sites count as what they are attached to, so their groups
+# are hidden below as well.
 _CATEGORIES = int(mujoco.mjtCatBit.mjCAT_STATIC) | int(mujoco.mjtCatBit.mjCAT_DYNAMIC)
 _FIRST_HIDDEN_GROUP = 3
 MAX_SIDE_PX = 8192
@@ -102,6 +104,8 @@ class Renderer:
         self.quality = quality
         self._option = mujoco.MjvOption()
         self._option.geomgroup[:] = np.arange(len(self._option.geomgroup)) < _FIRST_HIDDEN_GROUP
+        for group in (self._option.sitegroup, self._option.tendongroup, self._option.jointgroup):
+            group[:] = 0
         self._camera = mujoco.MjvCamera()
         self._gl: Any = None
         self._context: Any = None
@@ -116,10 +120,12 @@ class Renderer:
         rgb: bool = True,
         depth: bool = False,
         geoms: bool = False,
+        only: Sequence[int] | None = None,
     ) -> Rendering:
         """Return what a camera of the model sees, at the renderer's size, or a `Viewpoint`, at its own.
 
-        `data` must hold current kinematics (``mj_kinematics`` and ``mj_camlight``, or ``mj_forward``).
+        `data` must hold current kinematics (``mj_kinematics`` and ``mj_camlight``, or ``mj_forward``). With `only`,
+        nothing but these geoms is drawn, whatever their group.
 
         Raises:
             UnknownNameError: the model has no such camera.
@@ -128,7 +134,7 @@ class Renderer:
         """
         height, width = self._aim(camera)
         self._make_current()
-        mujoco.mjv_updateScene(self.model, data, self._option, None, self._camera, _CATEGORIES, self._scene)
+        self._update(data, only)
         rect = mujoco.MjrRect(0, 0, width, height)
         colour = self._draw_colour(rect) if rgb else None
         metric, ids = self._draw_geometry(rect, depth, geoms) if depth or geoms else (None, None)
@@ -145,7 +151,7 @@ class Renderer:
         if gl is not None:
             gl.free()
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> Renderer:
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -225,6 +231,19 @@ class Renderer:
         self._camera.type = mujoco.mjtCamera.mjCAMERA_USER
         set_gl_cameras(self._scene, camera)
         return pinhole.height, pinhole.width
+
+    def _update(self, data: mujoco.MjData, only: Sequence[int] | None) -> None:
+        if only is None:
+            mujoco.mjv_updateScene(self.model, data, self._option, None, self._camera, _CATEGORIES, self._scene)
+            return
+        # MuJoCo selects geoms by their group alone, so groups are lent for one update.
+        groups = self.model.geom_group.copy()
+        try:
+            self.model.geom_group[:] = _FIRST_HIDDEN_GROUP
+            self.model.geom_group[list(only)] = 0
+            mujoco.mjv_updateScene(self.model, data, self._option, None, self._camera, _CATEGORIES, self._scene)
+        finally:
+            self.model.geom_group[:] = groups
 
     def _make_current(self) -> None:
         if self._closed:

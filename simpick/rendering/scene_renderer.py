@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol, Self
+from typing import Protocol, runtime_checkable
 
 import mujoco
 import numpy as np
@@ -14,6 +14,7 @@ from simpick.records import CameraFrame
 from simpick.rendering.renderer import SCENE_QUALITY, Renderer, RenderQuality, Viewpoint
 
 
+@runtime_checkable
 class RenderableScene(Protocol):
     """What is needed of a scene; `simpick.scene.Scene` has it."""
 
@@ -83,7 +84,7 @@ class SceneRenderer:
             self._renderer.close()
             self._renderer = None
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> SceneRenderer:
         return self
 
     def __exit__(self, *exception: object) -> None:

@@ -1,0 +1,191 @@
+"""Template sets: a part seen from all around, rendered once and kept on disk."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import cv2
+import mujoco
+import numpy as np
+from jaxtyping import Bool, Float, Float32, Int, UInt8, UInt16
+
+from simpick.assets.part import Part
+from simpick.caching import atomic_write_bytes, cache_dir, cache_key
+from simpick.errors import ConfigError
+from simpick.geometry import Pinhole
+from simpick.rendering.part_views import PART_QUALITY, PartRenderer
+from simpick.rendering.view_sphere import VIEW_COUNTS, look_at_part, turn_in_plane, view_directions
+
+# Raise when the same configuration would give other images.
+_VERSION = 1
+_DEPTH_STEPS = 65534
+
+
+@dataclass(frozen=True)
+class TemplateConfig:
+    """Which views of a part are rendered."""
+
+    views: int = 162
+    """Directions on the view sphere: 42, 162 or 642 (15, 8 or 4 degrees from any direction to the next)."""
+    size_px: int = 128
+    """Width and height of each image."""
+    distance_diameters: float = 10.0
+    """Distance of the camera in diameters of the part: how strong the perspective is."""
+    fill: float = 0.95
+    """Share of the image's width that the part's bounding sphere spans, so that no view is cut off."""
+
+    def __post_init__(self) -> None:
+        if self.views not in VIEW_COUNTS:
+            raise ConfigError(f"views must be one of {', '.join(map(str, VIEW_COUNTS))}, got {self.views}")
+        if not 16 <= self.size_px <= 1024:
+            raise ConfigError(f"size_px of templates must be between 16 and 1024, got {self.size_px}")
+        if not 1.0 <= self.distance_diameters <= 1000.0:
+            raise ConfigError(f"distance_diameters must be between 1 and 1000, got {self.distance_diameters}")
+        if not 0.1 <= self.fill <= 1.0:
+            raise ConfigError(f"fill must be between 0.1 and 1, got {self.fill}")
+
+    def camera(self, part: Part) -> Pinhole:
+        """Return the camera of all templates of a part."""
+        radius = float(np.linalg.norm(part.mesh.vertices, axis=-1).max())
+        # The sphere's outline as seen from the camera is wider than its radius at the centre's distance.
+        tangent = np.tan(np.arcsin(radius / self.distance_m(part)))
+        focal = self.fill * self.size_px / 2 / float(tangent)
+        return Pinhole(self.size_px, self.size_px, focal, focal, self.size_px / 2, self.size_px / 2)
+
+    def distance_m(self, part: Part) -> float:
+        """Return the distance from the camera to the part's origin."""
+        return self.distance_diameters * part.diameter_m
+
+
+@dataclass(frozen=True, eq=False)
+class TemplateSet:
+    """Views of one part. Its origin is at the images' centre; light comes from the camera only."""
+
+    part: str
+    camera: Pinhole
+    """Of every view."""
+    Ts_camera_part: Float[np.ndarray, "views 4 4"]
+    rgb: UInt8[np.ndarray, "views size size 3"]
+    """Black where the part is not."""
+    depth_m: Float32[np.ndarray, "views size size"]
+    """Distance along the optical axis; 0 where the part is not."""
+
+    def __len__(self) -> int:
+        return len(self.Ts_camera_part)
+
+    @cached_property
+    def masks(self) -> Bool[np.ndarray, "views size size"]:
+        """Return the silhouettes."""
+        return self.depth_m > 0
+
+    def turned(
+        self, views: Int[np.ndarray, "n"], angles_rad: Float[np.ndarray, "n"]
+    ) -> tuple[UInt8[np.ndarray, "n size size 3"], Bool[np.ndarray, "n size size"], Float[np.ndarray, "n 4 4"]]:
+        """Return images, silhouettes and T_camera_part of views turned clockwise about the image's centre.
+
+        Exact but for resampling, because the light turns with the camera.
+        """
+        size = self.camera.width
+        rgb = np.empty((len(views), size, size, 3), np.uint8)
+        masks = np.empty((len(views), size, size), bool)
+        for k, (view, angle) in enumerate(zip(views, angles_rad, strict=True)):
+            # OpenCV turns counter-clockwise and puts pixel centres at integers.
+            warp = cv2.getRotationMatrix2D(((size - 1) / 2, (size - 1) / 2), -np.degrees(angle), 1.0)
+            rgb[k] = cv2.warpAffine(self.rgb[view], warp, (size, size), flags=cv2.INTER_LINEAR)
+            mask = 255 * self.masks[view].astype(np.uint8)
+            masks[k] = cv2.warpAffine(mask, warp, (size, size), flags=cv2.INTER_LINEAR) > 127
+        return rgb, masks, turn_in_plane(self.Ts_camera_part[views], angles_rad)
+
+
+def load_templates(
+    part: Part, config: TemplateConfig | None = None, *, progress: Callable[[int, int], None] | None = None
+) -> TemplateSet:
+    """Return a part's templates from the cache, or render and keep them.
+
+    Any number of processes may ask at once; a damaged file is made again. `progress` is called with how many of how
+    many views are rendered, and not at all if they come from the cache.
+    """
+    config = config or TemplateConfig()
+    path = template_path(part, config)
+    cached = _read(path, part, config)
+    if cached is not None:
+        return cached
+    rendered = render_templates(part, config, progress=progress)
+    _write(path, rendered)
+    return rendered
+
+
+def render_templates(
+    part: Part, config: TemplateConfig | None = None, *, progress: Callable[[int, int], None] | None = None
+) -> TemplateSet:
+    """Return newly rendered templates and leave the cache alone."""
+    config = config or TemplateConfig()
+    camera = config.camera(part)
+    Ts_camera_part = look_at_part(view_directions(config.views), config.distance_m(part))
+    with PartRenderer(part, camera.height, camera.width) as renderer:
+        views = renderer.render(Ts_camera_part, camera, progress=progress)
+    assert views.rgb is not None
+    # Rounded as the file rounds it, so that the first run and the next see the same bits.
+    depth_m = _depth_from_steps(_steps_from_depth(views.depth_m, Ts_camera_part, camera), Ts_camera_part, camera)
+    return TemplateSet(part.name, camera, Ts_camera_part, views.rgb, depth_m)
+
+
+def template_path(part: Part, config: TemplateConfig) -> Path:
+    """Return where the templates of a part are kept."""
+    key = cache_key(_VERSION, part.content_hash, repr(config), repr(PART_QUALITY), mujoco.__version__)
+    return cache_dir() / "templates" / f"{part.name}-{key}.zip"
+
+
+def _write(path: Path, templates: TemplateSet) -> None:
+    """Write the images, compressed by the fastest setting: the next makes files a fifth smaller in thrice the time."""
+    steps = _steps_from_depth(templates.depth_m, templates.Ts_camera_part, templates.camera)
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as file:
+        file.writestr("rgb", templates.rgb.tobytes())
+        file.writestr("depth", steps.astype("<u2").tobytes())
+    atomic_write_bytes(path, buffer.getvalue())
+
+
+def _read(path: Path, part: Part, config: TemplateConfig) -> TemplateSet | None:
+    """Return what the file holds, None if there is no sound file."""
+    shape = (config.views, config.size_px, config.size_px)
+    try:
+        # Each member carries a checksum, which reading compares.
+        with zipfile.ZipFile(path) as file:
+            rgb = np.frombuffer(file.read("rgb"), np.uint8).reshape(*shape, 3)
+            steps = np.frombuffer(file.read("depth"), "<u2").reshape(shape)
+    # An absent, truncated or foreign file fails as any of these, depending on where it breaks off.
+    except (OSError, ValueError, KeyError, EOFError, NotImplementedError, zipfile.BadZipFile, zlib.error):
+        return None
+    camera = config.camera(part)
+    Ts_camera_part = look_at_part(view_directions(config.views), config.distance_m(part))
+    return TemplateSet(part.name, camera, Ts_camera_part, rgb, _depth_from_steps(steps, Ts_camera_part, camera))
+
+
+def _steps_from_depth(
+    depth_m: Float32[np.ndarray, "views size size"], Ts_camera_part: Float[np.ndarray, "views 4 4"], camera: Pinhole
+) -> UInt16[np.ndarray, "views size size"]:
+    """Return depth as 16-bit steps of a micrometre or so through the bounding sphere; 0 remains 0."""
+    near, step = _depth_scale(Ts_camera_part, camera)
+    return np.where(depth_m > 0, 1.5 + (depth_m - near) / step, 0).astype(np.uint16)
+
+
+def _depth_from_steps(
+    steps: UInt16[np.ndarray, "views size size"], Ts_camera_part: Float[np.ndarray, "views 4 4"], camera: Pinhole
+) -> Float32[np.ndarray, "views size size"]:
+    near, step = _depth_scale(Ts_camera_part, camera)
+    return np.where(steps > 0, np.float32(near - step) + steps * np.float32(step), np.float32(0))
+
+
+def _depth_scale(Ts_camera_part: Float[np.ndarray, "views 4 4"], camera: Pinhole) -> tuple[np.float32, np.float32]:
+    """Return the depth of the first step and the step's length."""
+    distance = float(Ts_camera_part[0, 2, 3])
+    # The bounding sphere is inside the image, so its radius is less than the half width at its centre.
+    radius = distance * camera.width / 2 / camera.fx
+    return np.float32(distance - radius), np.float32(2 * radius / _DEPTH_STEPS)
