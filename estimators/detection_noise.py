@@ -1,0 +1,115 @@
+"""How detections fall short of the truth: missed and merged instances, ragged masks, boxes that are off."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from simpick.errors import ConfigError, UnknownNameError
+
+_GROWN_BOX_PX = 8
+"""Room around a mask for its ragged outline."""
+
+
+@dataclass(frozen=True)
+class DetectionNoise:
+    """What goes wrong, and how often. All zero: nothing."""
+
+    miss: float = 0.0
+    """Chance that an instance is not detected."""
+    merge: float = 0.0
+    """Chance that an instance's mask swallows the instance it touches most, which is then not detected itself."""
+    ragged_px: float = 0.0
+    """By how much the mask's outline wanders in and out, in pixels (standard deviation)."""
+    box_jitter: float = 0.0
+    """By how much each edge of the box is off, as a share of the box's side (standard deviation)."""
+
+    def __post_init__(self) -> None:
+        for name in ("miss", "merge"):
+            value = getattr(self, name)
+            if not 0 <= value <= 1:
+                raise ConfigError(f"{name} is a chance and must be between 0 and 1, got {value}")
+        if not 0 <= self.ragged_px <= _GROWN_BOX_PX / 2:
+            raise ConfigError(f"ragged_px must be between 0 and {_GROWN_BOX_PX / 2:g} pixels, got {self.ragged_px}")
+        if not 0 <= self.box_jitter <= 0.25:
+            raise ConfigError(f"box_jitter must be between 0 and 0.25 of the side, got {self.box_jitter}")
+
+
+DETECTION_PRESETS = {
+    "perfect": DetectionNoise(),
+    "realistic": DetectionNoise(miss=0.05, merge=0.05, ragged_px=1.5, box_jitter=0.03),
+}
+"""Named presets; which one a figure used always stands beside the figure."""
+
+
+def detection_noise(preset: str) -> DetectionNoise:
+    """Return a preset; raises UnknownNameError with those that exist."""
+    if preset not in DETECTION_PRESETS:
+        raise UnknownNameError("detection preset", preset, DETECTION_PRESETS)
+    return DETECTION_PRESETS[preset]
+
+
+def miss_and_merge(
+    instances: Int[np.ndarray, "height width"],
+    found: Int[np.ndarray, "n"],
+    noise: DetectionNoise,
+    rng: np.random.Generator,
+) -> dict[int, tuple[int, ...]]:
+    """Return which instances each detection's mask covers, its own first, by the detection's instance.
+
+    Draws the same numbers whatever happens, so that one change of the noise changes one thing.
+    """
+    chances = rng.random((len(found), 2))
+    covers: dict[int, tuple[int, ...]] = {int(k): (int(k),) for k in found}
+    swallowed: set[int] = set()
+    for k, (_, merge) in zip(found.tolist(), chances, strict=True):
+        if merge < noise.merge and k not in swallowed:
+            neighbour = _touched_most(instances, k, swallowed | {j for j, c in covers.items() if len(c) > 1})
+            if neighbour is not None:
+                covers[k] += (neighbour,)
+                swallowed.add(neighbour)
+    missed = {k for k, (miss, _) in zip(found.tolist(), chances, strict=True) if miss < noise.miss}
+    return {k: c for k, c in covers.items() if k not in swallowed and k not in missed}
+
+
+def _touched_most(instances: Int[np.ndarray, "height width"], instance: int, excluded: set[int]) -> int | None:
+    mask = (instances == instance).astype(np.uint8)
+    rim = cv2.dilate(mask, np.ones((5, 5), np.uint8)).astype(bool) & ~mask.astype(bool)
+    ids, counts = np.unique(instances[rim], return_counts=True)
+    free = np.array([k >= 0 and k not in excluded for k in ids.tolist()], bool)
+    if not free.any():
+        return None
+    return int(ids[free][np.argmax(counts[free])])
+
+
+def ragged(
+    mask: Bool[np.ndarray, "height width"], deviation_px: float, rng: np.random.Generator
+) -> Bool[np.ndarray, "height width"]:
+    """Return the mask with its outline moved by a smooth random field, in and out alike; holes are outlines too."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if deviation_px == 0 or len(rows) == 0:
+        return mask
+    top, left = max(rows[0] - _GROWN_BOX_PX, 0), max(columns[0] - _GROWN_BOX_PX, 0)
+    window = mask[top : rows[-1] + 1 + _GROWN_BOX_PX, left : columns[-1] + 1 + _GROWN_BOX_PX]
+    inside = np.pad(window, 1).astype(np.uint8)
+    # Pixels along the outline are half a pixel from it on either side, and OpenCV counts to the next pixel's centre.
+    depth = cv2.distanceTransform(inside, cv2.DIST_L2, 5) - cv2.distanceTransform(1 - inside, cv2.DIST_L2, 5)
+    distance = depth - np.sign(depth) / 2
+    field = cv2.GaussianBlur(rng.normal(size=window.shape).astype(np.float32), (0, 0), 3.0)
+    field *= deviation_px / max(float(field.std()), 1e-6)
+    moved = np.zeros_like(mask)
+    moved[top : top + window.shape[0], left : left + window.shape[1]] = distance[1:-1, 1:-1] + field > 0
+    return moved
+
+
+def jittered_box(
+    box_xyxy_px: Float[np.ndarray, "4"], deviation: float, rng: np.random.Generator, width: int, height: int
+) -> Float[np.ndarray, "4"]:
+    """Return the box with its edges moved, still within the image and at least a pixel wide and high."""
+    sides = np.tile(box_xyxy_px[2:] - box_xyxy_px[:2], 2)
+    box = box_xyxy_px + deviation * sides * rng.normal(size=4)
+    low = np.clip(box[:2], 0, [width - 1, height - 1])
+    return np.concatenate([low, np.clip(np.maximum(box[2:], low + 1), 1, [width, height])])
