@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+import trimesh
 
 from simpick.assets.part import Part
+from simpick.assets.shading import split_at_creases
 
 VISUAL_GROUP = 2
 """Geoms that cameras see and contacts ignore."""
@@ -33,8 +35,8 @@ def add_part(
         body.add_freejoint(name=body_name)
     body.explicitinertial = True
     body.mass = part.mass_kg
-    body.ipos = np.asarray(part.mesh.center_mass)
-    inertia = part.density_kg_m3 * np.asarray(part.mesh.moment_inertia)
+    body.ipos = np.asarray(part.solid.center_mass)
+    inertia = part.density_kg_m3 * np.asarray(part.solid.moment_inertia)
     body.fullinertia = [
         inertia[0, 0],
         inertia[1, 1],
@@ -44,7 +46,7 @@ def add_part(
         inertia[1, 2],
     ]
 
-    visual = _shared_mesh(spec, f"{part.name}/visual", part.mesh)
+    visual = _shared_mesh(spec, f"{part.name}/visual", part.mesh, shaded=True)
     geom = body.add_geom(name=f"{body_name}/visual", type=mujoco.mjtGeom.mjGEOM_MESH, meshname=visual)
     geom.contype = geom.conaffinity = 0
     geom.group = VISUAL_GROUP
@@ -63,12 +65,17 @@ def add_part(
     return body
 
 
-def _shared_mesh(spec: mujoco.MjSpec, name: str, mesh) -> str:
+def _shared_mesh(spec: mujoco.MjSpec, name: str, mesh: trimesh.Trimesh, *, shaded: bool = False) -> str:
     if spec.mesh(name) is None:
+        vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
         # Inertia comes from the body, so shells and thin pieces need no volume of their own here.
         asset = spec.add_mesh(name=name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
-        asset.uservert = np.asarray(mesh.vertices, np.float32).ravel()
-        asset.userface = np.asarray(mesh.faces, np.int32).ravel()
+        if shaded:
+            # MuJoCo's own normals smear the shade of a hole's rim over the flat face around it.
+            vertices, normals, faces = split_at_creases(mesh)
+            asset.usernormal = np.asarray(normals, np.float32).ravel()
+        asset.uservert = np.asarray(vertices, np.float32).ravel()
+        asset.userface = np.asarray(faces, np.int32).ravel()
     return name
 
 

@@ -17,6 +17,7 @@ _BACKGROUND = (236, 237, 240)
 _INK = (40, 42, 46)
 _DIRECTION = np.array([0.62, -0.62, 0.48])
 _FOVY_DEG = 30.0
+_DARKEST = 0.4
 
 
 def contact_sheet(
@@ -35,12 +36,14 @@ def contact_sheet(
     for k, (part, label) in enumerate(zip(parts, labels, strict=True)):
         row, column = divmod(k, columns)
         top, left = row * (cell_px + text_px), column * cell_px
-        distance = 0.56 * part.diameter_m / np.sin(np.radians(_FOVY_DEG / 2))
+        distance = 0.62 * part.diameter_m / np.sin(np.radians(_FOVY_DEG / 2))
         T_part_camera = look_at(distance * _DIRECTION / np.linalg.norm(_DIRECTION), np.zeros(3))
         views = render_part_views(part, invert(T_part_camera)[None], camera)
         assert views.rgb is not None
+        # Renderings of parts alone are exposed to the brightest channel; here a black part shall look darker.
+        picture = (views.rgb[0] * max(_DARKEST, *part.material.rgb)).astype(np.uint8)
         # Edge pixels are half black where the part ends; a light rim would show, so only whole pixels are taken.
-        sheet[top : top + cell_px, left : left + cell_px][views.masks[0]] = views.rgb[0][views.masks[0]]
+        sheet[top : top + cell_px, left : left + cell_px][views.masks[0]] = picture[views.masks[0]]
         for number, line in enumerate(label.split("\n")):
             origin = (left + 8, top + cell_px + line_px * (number + 1) - 4)
             cv2.putText(sheet, line, origin, cv2.FONT_HERSHEY_SIMPLEX, line_px / 38, _INK, 1, cv2.LINE_AA)
