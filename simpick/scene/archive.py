@@ -6,6 +6,7 @@ import json
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -49,7 +50,7 @@ def write_archive(path: Path, archive: SceneArchive) -> None:
     }
     try:
         with path.open("wb") as file:
-            sleep = {_SLEEP_PREFIX + name: value for name, value in archive.sleep.items()}
+            sleep: dict[str, Any] = {_SLEEP_PREFIX + name: value for name, value in archive.sleep.items()}
             np.savez_compressed(file, header=np.array(json.dumps(header)), state=archive.state, **sleep)
     except OSError as error:
         raise OutputError(f"cannot write the scene to {path}: {error.strerror}; choose a writable folder") from error

@@ -19,7 +19,7 @@ OVERHEAD, WRIST, OVERVIEW = "overhead", "wrist", "overview"
 _OVERVIEW_EYE_M = np.array([1.45, -1.05, 0.95])
 _OVERVIEW_TARGET_M = np.array([0.30, -0.12, 0.17])
 # Beside the palm, off the fingers' closing axis (x), tilted so that its axis meets theirs 6 cm below the TCP.
-_WRIST_EYE_M = np.array([0.0, -0.085, 0.045])
+_WRIST_EYE_M = np.array([0.0, -0.070, 0.045])
 _WRIST_TARGET_M = np.array([0.0, 0.0, 0.26])
 
 
@@ -40,14 +40,23 @@ def add_wrist_camera(body: mujoco.MjsBody, T_body_flange: Float[np.ndarray, "4 4
     T_flange_camera = look_at(_WRIST_EYE_M, _WRIST_TARGET_M, up=np.array([0.0, -1.0, 0.0]))
     T_body_camera = T_body_flange @ T_flange_camera
     _add(body, WRIST, T_body_camera, config)
-    # Its housing, for people to see; it ends just behind the lens and touches nothing.
-    housing = body.add_geom(name="wrist_camera_housing", type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.022, 0.016, 0.018])
-    housing.pos = (T_body_camera @ np.array([0.0, 0.0, -0.022, 1.0]))[:3]
-    housing.quat = quaternion_from_matrix(T_body_camera[:3, :3])
-    housing.rgba = [0.12, 0.12, 0.13, 1.0]
-    housing.group = VISUAL_GROUP
-    housing.contype = housing.conaffinity = 0
-    housing.mass = 0.0
+    # Housing and bracket, for people to see; they end just behind the lens and touch nothing.
+    T_body_housing = T_body_camera @ transform(translation=np.array([0.0, 0.0, -0.022]))
+    _add_look(body, "wrist_camera/housing", T_body_housing, (0.022, 0.016, 0.018))
+    T_body_bracket = T_body_flange @ transform(translation=np.array([0.0, -0.045, 0.012]))
+    _add_look(body, "wrist_camera/bracket", T_body_bracket, (0.012, 0.035, 0.004))
+
+
+def _add_look(
+    body: mujoco.MjsBody, name: str, T_body_box: Float[np.ndarray, "4 4"], half_sides_m: tuple[float, float, float]
+) -> None:
+    geom = body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_BOX, size=half_sides_m)
+    geom.pos = T_body_box[:3, 3]
+    geom.quat = quaternion_from_matrix(T_body_box[:3, :3])
+    geom.rgba = [0.12, 0.12, 0.13, 1.0]
+    geom.group = VISUAL_GROUP
+    geom.contype = geom.conaffinity = 0
+    geom.mass = 0.0
 
 
 def _add(body: mujoco.MjsBody, name: str, T_body_camera: Float[np.ndarray, "4 4"], config: CameraConfig) -> None:

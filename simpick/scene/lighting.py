@@ -18,11 +18,11 @@ def add_lighting(spec: mujoco.MjSpec, look: Look) -> None:
     """Add the lamps of `look`, which aim at the bin, and set ambient light and quality."""
     spec.visual.quality.shadowsize = SHADOW_MAP_PX
     spec.visual.quality.offsamples = SAMPLES_PER_PIXEL
-    # The clipping planes scale with the extent, so both are fixed: 0.02 to 10 m.
+    # The clipping planes scale with the extent, so both are fixed: 3 cm (the wrist camera sees its own hand) to 6 m.
     spec.stat.extent = 1.0
     spec.stat.center = [*BIN_CENTRE_M[:2], 0.1]
-    spec.visual.map.znear = 0.02
-    spec.visual.map.zfar = 10.0
+    spec.visual.map.znear = 0.03
+    spec.visual.map.zfar = 6.0
     # The head light sits at the camera and would flatten every shape; only its ambient part is used.
     spec.visual.headlight.diffuse = [0.0, 0.0, 0.0]
     spec.visual.headlight.specular = [0.0, 0.0, 0.0]

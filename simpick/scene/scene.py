@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import mujoco
@@ -166,7 +165,7 @@ class Scene:
 
     # -- cameras ------------------------------------------------------------------------------------------------
 
-    @cached_property
+    @property
     def cameras(self) -> tuple[str, ...]:
         """Return the names of the cameras."""
         return tuple(self.model.camera(k).name for k in range(self.model.ncam))

@@ -8,15 +8,18 @@ from jaxtyping import Float, UInt8
 
 
 def value_noise(rng: np.random.Generator, size_px: int, octaves: int = 5) -> Float[np.ndarray, "size size"]:
-    """Return smooth noise in [0, 1]: random grids of doubling fineness, each half as strong, summed."""
+    """Return smooth noise in [0, 1] that tiles: random grids of doubling fineness, each half as strong, summed.
+
+    `size_px` must be a multiple of ``2 ** (octaves + 1)``.
+    """
     noise = np.zeros((size_px, size_px))
     for octave in range(octaves):
-        cells = min(2 ** (octave + 2), size_px)
-        grid = rng.uniform(size=(cells, cells)).astype(np.float32)
-        # The first row and column close the texture, so that it tiles.
-        grid = np.pad(grid, ((0, 1), (0, 1)), mode="wrap")
-        fine = cv2.resize(grid, (size_px + size_px // cells, size_px + size_px // cells), interpolation=cv2.INTER_CUBIC)
-        noise += 0.5**octave * fine[:size_px, :size_px]
+        cells = 2 ** (octave + 2)
+        scale = size_px // cells
+        # Continued past all edges before it is made finer, so that the texture tiles without seams.
+        grid = np.pad(rng.uniform(size=(cells, cells)).astype(np.float32), 2, mode="wrap")
+        fine = cv2.resize(grid, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
+        noise += 0.5**octave * fine[2 * scale : -2 * scale, 2 * scale : -2 * scale]
     return (noise - noise.min()) / (noise.max() - noise.min())
 
 
