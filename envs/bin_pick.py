@@ -12,7 +12,8 @@ import gymnasium
 import numpy as np
 from gymnasium.utils import EzPickle
 
-from simpick.assets.library import get_part, part_names
+from simpick.assets.library import get_part, library_part_names
+from simpick.assets.robots.registry import get_robot
 from simpick.envs.actions import decode_action
 from simpick.envs.observations import observation_from_frame
 from simpick.envs.spaces import action_space, observation_space
@@ -88,8 +89,11 @@ class BinPickEnv(gymnasium.Env, EzPickle):
             if value is not None and value < 1:
                 raise ConfigError(f"{name} must be 1 or more, got {value}")
         self.scene_config = scene_config or SceneConfig(
-            parts=tuple(parts) or tuple(part_names()), count=count, gripper=gripper, randomization=randomization
+            parts=tuple(parts) or tuple(library_part_names()), count=count, gripper=gripper, randomization=randomization
         )
+        if self.scene_config.robot is None:
+            raise ConfigError("robot must be the name of an arm, got None; nothing can be picked without one")
+        get_robot(self.scene_config.robot)
         self.parts = tuple(get_part(name) for name in self.scene_config.parts)
         """The kinds of parts that the bin is filled from."""
         self.part_names = tuple(part.name for part in self.parts)
@@ -126,6 +130,10 @@ class BinPickEnv(gymnasium.Env, EzPickle):
     def truth(self) -> tuple[InstanceTruth, ...]:
         """Return the true state of every part: for the oracle and for evaluation only."""
         return self.scene.truth()
+
+    def instance_part_names(self) -> list[str]:
+        """Return the part name of each instance in the scene, by instance number."""
+        return [instance.part.name for instance in self.scene.instances]
 
     def capture(self, camera: str = "overhead") -> CameraFrame:
         """Return what a camera of the scene sees now."""
@@ -169,10 +177,7 @@ class BinPickEnv(gymnasium.Env, EzPickle):
         """Attempt the pick that `action` commands and look again."""
         start = time.perf_counter()
         command = decode_action(action, self.workspace)
-        if command is None:
-            result = ABSTAINED
-        else:
-            result = self._executor.execute(*command)
+        result = ABSTAINED if command is None else self._executor.execute(*command)
         self.timings_s = {"simulate": time.perf_counter() - start}
         delivered = len(result.delivered)
         self._failures = 0 if delivered else self._failures + 1

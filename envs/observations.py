@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from simpick.assets.part import Part
 from simpick.envs.spaces import FAR_M, outcome_index
 from simpick.geometry import Pinhole
 from simpick.records import CameraFrame, PickOutcome
@@ -47,8 +46,3 @@ def frame_from_observation(observation: Mapping[str, Any]) -> CameraFrame:
         depth_m=observation["depth"],
         instances=observation["segmentation"].astype(np.int32) - 1,
     )
-
-
-def instance_part_names(observation: Mapping[str, Any], parts: Sequence[Part]) -> list[str]:
-    """Return each instance's part name; `parts` in the order of the environment's `part_names`."""
-    return [parts[index].name for index in observation["instance_parts"] if index >= 0]

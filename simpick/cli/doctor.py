@@ -50,7 +50,8 @@ class Doctor:
 def check_python() -> Finding:
     """Check the interpreter's version."""
     ok = sys.version_info >= (3, 11)
-    return Finding("python", ok, f"{platform.python_version()} on {platform.machine()}", "" if ok else "use Python 3.11+")
+    found = f"{platform.python_version()} on {platform.machine()}"
+    return Finding("python", ok, found, "" if ok else "use Python 3.11 or newer")
 
 
 def check_packages() -> Finding:
@@ -67,23 +68,26 @@ def check_packages() -> Finding:
 
 def check_gl() -> Finding:
     """Render one frame and look whether anything is on it."""
+    import mujoco
+    import numpy as np
+
     from simpick.errors import SimpickError
-    from simpick.rendering.gl import select_gl_backend
+    from simpick.geometry import Pinhole, look_at
+    from simpick.rendering import Renderer, Viewpoint, select_gl_backend
 
     try:
         backend = select_gl_backend()
-        import mujoco
-
         model = mujoco.MjModel.from_xml_string(
             "<mujoco><worldbody><light pos='0 0 3'/><geom size='0.5' rgba='1 0 0 1'/></worldbody></mujoco>"
         )
         data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)
-        with mujoco.Renderer(model, 64, 64) as renderer:
-            renderer.update_scene(data)
-            seen = bool(renderer.render()[..., 0].max() > 50)
+        viewpoint = Viewpoint(Pinhole.from_fovy(64, 64, 45), look_at(np.array([0.0, -2.0, 1.0]), np.zeros(3)))
+        with Renderer(model, 64, 64) as renderer:
+            image = renderer.render(data, viewpoint, rgb=True, depth=False, geoms=False).rgb
     except SimpickError as error:
         return Finding("gl", False, "no OpenGL", str(error))
+    seen = image is not None and bool(image[..., 0].max() > 50)
     return Finding("gl", seen, f"{backend} renders" if seen else f"{backend} renders black frames")
 
 

@@ -13,15 +13,20 @@ import tyro
 
 from simpick.cli.benchmark import Benchmark
 from simpick.cli.doctor import Doctor
+from simpick.cli.evaluate import Evaluate
 from simpick.cli.parts import PartsCommand
 from simpick.cli.run import Run
 from simpick.cli.sweep import Sweep
+from simpick.cli.templates import TemplatesCommand
 from simpick.errors import SimpickError
 
+DESCRIPTION = "A wind tunnel for robotic bin picking: will this part be picked from RGB, how fast, and why not?"
 _configure = tyro.conf.subcommand
 Command = (
     Annotated[Run, _configure(name="run")]
     | Annotated[PartsCommand, _configure(name="parts")]
+    | Annotated[TemplatesCommand, _configure(name="templates")]
+    | Annotated[Evaluate, _configure(name="evaluate")]
     | Annotated[Sweep, _configure(name="sweep")]
     | Annotated[Benchmark, _configure(name="benchmark")]
     | Annotated[Doctor, _configure(name="doctor")]
@@ -30,7 +35,9 @@ Command = (
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command and return its exit code; errors that simpick raises on purpose print without a traceback."""
-    command = tyro.cli(Command, prog="simpick", description=__doc__.splitlines()[0], args=arguments)
+    # One flag each, such as --record; no --no-record, because False is the default.
+    style = (tyro.conf.FlagCreatePairsOff,)
+    command = tyro.cli(Command, prog="simpick", description=DESCRIPTION, args=arguments, config=style)
     try:
         return command.run()
     except SimpickError as error:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import tyro
@@ -17,7 +17,7 @@ class Run:
     Running the same command again goes on where it was stopped.
     """
 
-    config: tyro.conf.OmitArgPrefixes[RunConfig] = RunConfig()
+    config: tyro.conf.OmitArgPrefixes[RunConfig] = field(default_factory=RunConfig)
     """What to run."""
     out: Path = Path("logs/run")
     """Folder for config.json, results.jsonl and the recordings."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import tyro
@@ -19,7 +19,7 @@ class Sweep:
     `out`, so that a sweep which was stopped goes on where it was.
     """
 
-    config: tyro.conf.OmitArgPrefixes[RunConfig] = RunConfig(episodes=4)
+    config: tyro.conf.OmitArgPrefixes[RunConfig] = field(default_factory=lambda: RunConfig(episodes=4))
     """What to run at each step; perception and noise are set by the sweep."""
     noise_mm: tuple[float, ...] = (0.0, 1.0, 2.0, 4.0, 6.0, 8.0, 10.0)
     """Median translation errors to run."""

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from simpick.assets.library import library_part_names
 from simpick.envs.bin_pick import BinPickEnv
 from simpick.envs.observations import frame_from_observation
 from simpick.evaluation.models import EvaluationModel
@@ -21,17 +22,35 @@ from simpick.policies import PickPolicy
 from simpick.policies.pick_policy import Decision
 from simpick.recording.base import NullRecorder, Recorder
 from simpick.records import InstanceTruth, PickOutcome, PickRecord
+from simpick.scene import BinConfig, SceneConfig
+
+
+def make_scene_config(config: RunConfig) -> SceneConfig:
+    """Return what stands in the cell.
+
+    Raises:
+        ConfigError, UnknownNameError: a setting is out of range, or a name does not exist.
+    """
+    length_m, width_m, depth_m = (side / 1000 for side in config.bin_mm)
+    return SceneConfig(
+        parts=config.parts or tuple(library_part_names()),
+        count=config.count,
+        robot=config.robot,
+        gripper=config.gripper,
+        bin=BinConfig(length_m, width_m, depth_m),
+        randomization=config.randomization,
+    )
 
 
 def make_env(config: RunConfig) -> BinPickEnv:
     """Return the environment that a configuration asks for."""
-    return BinPickEnv(
-        parts=config.parts,
-        count=config.count,
-        gripper=config.gripper,
-        randomization=config.randomization,
-        max_consecutive_failures=config.max_consecutive_failures,
-    )
+    return BinPickEnv(scene_config=make_scene_config(config), max_consecutive_failures=config.max_consecutive_failures)
+
+
+def make_policy(config: RunConfig, env: BinPickEnv, seed: int) -> PickPolicy:
+    """Return the policy that a configuration asks for; what is random in its perception follows from `seed`."""
+    perception = make_perception(config, env, np.random.default_rng([seed, 1]))
+    return PickPolicy(perception, env.parts, env.scene_config)
 
 
 def run_episode(
@@ -62,8 +81,7 @@ def _run_episode(
 ) -> EpisodeResult:
     start = time.perf_counter()
     seed = config.seed + episode
-    perception = make_perception(config, env, np.random.default_rng([seed, 1]))
-    policy = PickPolicy(perception, env.parts, env.scene_config)
+    policy = make_policy(config, env, seed)
     observation, info = env.reset(seed=seed)
     timings_s = {"reset": time.perf_counter() - start}
     recorder.start_episode(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib.metadata import entry_points
 
 import numpy as np
@@ -10,11 +11,15 @@ from simpick.envs.bin_pick import BinPickEnv
 from simpick.errors import UnknownNameError
 from simpick.estimators.base import PoseEstimator
 from simpick.estimators.oracle import OracleEstimator, PoseNoise
+from simpick.estimators.segmentation_detector import SegmentationDetector
 from simpick.evaluation.run_config import RunConfig
 from simpick.policies import Perception
 
 ENTRY_POINT_GROUP = "simpick.estimators"
 """Where another package registers its estimator: a callable without arguments that returns a `PoseEstimator`."""
+
+SHIPPED: dict[str, Callable[[], PoseEstimator]] = {}
+"""Estimators that work from images alone and come with simpick."""
 
 
 def estimator_names() -> list[str]:
@@ -41,7 +46,7 @@ def make_estimator(name: str) -> PoseEstimator:
 def make_perception(config: RunConfig, env: BinPickEnv, rng: np.random.Generator) -> Perception:
     """Return the perception that a configuration asks for; the oracle takes its truth from `env`."""
     detector_rng, noise_rng = rng.spawn(2)
-    detector = SegmentationDetector(config.detections, detector_rng)
+    detector = SegmentationDetector(config.detections, detector_rng, instance_parts=env.instance_part_names)
     if config.perception == "oracle":
         noise = PoseNoise(config.noise_deg, config.noise_mm)
         return Perception("oracle", detector, OracleEstimator(env.truth, noise, noise_rng))

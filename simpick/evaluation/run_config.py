@@ -8,9 +8,6 @@ from typing import Any, Literal
 
 from simpick.errors import ConfigError
 
-PERCEPTIONS = ("oracle",)
-"""Perception modes that ship."""
-
 
 @dataclass(frozen=True)
 class RunConfig:
@@ -26,6 +23,10 @@ class RunConfig:
     """How many parts a bin holds, 1 to 50."""
     gripper: Literal["jaw", "suction"] = "jaw"
     """Which gripper the arm carries."""
+    robot: str = "ur5e"
+    """Which arm picks."""
+    bin_mm: tuple[float, float, float] = (400.0, 300.0, 120.0)
+    """Inner length (across the arm's reach), width and depth of the bin, in millimetres."""
     perception: str = "oracle"
     """Who estimates poses."""
     noise_deg: float = 0.0

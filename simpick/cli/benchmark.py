@@ -1,0 +1,43 @@
+"""``simpick benchmark``: how fast the simulator is on this machine, and where the time goes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import tyro
+
+from simpick.evaluation.run_config import RunConfig
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """Pick a bin with true poses and report speed against real time, images a second, and time outside MuJoCo."""
+
+    config: tyro.conf.OmitArgPrefixes[RunConfig] = field(default_factory=RunConfig)
+    """What to run; each episode is timed."""
+
+    def run(self) -> int:
+        """Measure and print a table."""
+        from rich.console import Console
+        from rich.table import Table
+
+        from simpick.evaluation.benchmark import measure
+
+        figures = measure(self.config)
+        table = Table("measure", "value", title=f"{self.config.count} parts, {self.config.gripper}")
+        rows = {
+            "attempts": f"{figures.attempts}",
+            "simulated time": f"{figures.simulated_s:.1f} s",
+            "wall-clock time, rendering and planning included": f"{figures.wall_s:.1f} s",
+            "times faster than real time": f"{figures.simulated_s / figures.wall_s:.1f}",
+            "physics steps a second": f"{figures.steps / figures.wall_s:,.0f}",
+            "filling a bin": f"{figures.reset_s:.2f} s",
+            "share of time in physics": f"{figures.physics_s / figures.wall_s:.0%}",
+            "share of time in rendering": f"{figures.render_s / figures.wall_s:.0%}",
+            "share of time outside MuJoCo": f"{1 - (figures.physics_s + figures.render_s) / figures.wall_s:.0%}",
+        }
+        rows |= {f"{name}": f"{fps:.0f} images/s" for name, fps in figures.images_per_s.items()}
+        for name, value in rows.items():
+            table.add_row(name, value)
+        Console().print(table)
+        return 0
