@@ -7,16 +7,16 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial import ConvexHull, KDTree, QhullError
+from scipy.spatial import KDTree
 
 from simpick.assets.part import Part
 from simpick.errors import MeshError
-from simpick.geometry import SymmetryGroup
+from simpick.geometry import SymmetryGroup, farthest_points
 
 
 @dataclass(frozen=True, eq=False)
 class EvaluationModel:
-    """A part as the error functions see it. Keep one for each part: hull, tree and symmetries are computed once."""
+    """A part as the error functions see it. Keep one a part: its symmetries and search tree are computed once."""
 
     name: str
     """The part's name, or a BOP data set's obj_id as text."""
@@ -45,12 +45,9 @@ class EvaluationModel:
         return self.symmetries.transforms_by_step(self.max_symmetry_step)
 
     @cached_property
-    def hull_indices(self) -> Int[np.ndarray, "h"]:
-        """Return the vertices on the convex hull: all of them where the mesh is flat."""
-        try:
-            return np.sort(ConvexHull(self.vertices_m).vertices.astype(int))
-        except QhullError:
-            return np.arange(len(self.vertices_m))
+    def spread_vertices(self) -> Int[np.ndarray, "k"]:
+        """Return indices of a few vertices far from each other, which between them feel any motion of the part."""
+        return farthest_points(self.vertices_m, min(16, len(self.vertices_m)))
 
     @cached_property
     def tree(self) -> KDTree:

@@ -9,15 +9,14 @@ Sources: Hodan et al., "BOP Challenge 2020 on 6D Object Localization" (MSSD, MSP
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from jaxtyping import Bool, Float
 
 from simpick.evaluation.models import EvaluationModel
 from simpick.geometry import Pinhole, invert, rotation_angle, transform_points
 from simpick.records import PoseError
-
-_CHUNK = 1 << 21
-"""Coordinates held at once while a batch is worked through: keeps large groups and meshes in the cache."""
 
 
 def batch_pose_errors(
@@ -80,19 +79,11 @@ def mssd(
 ) -> Float[np.ndarray, "*batch"]:
     """Return the maximum symmetry-aware surface distance in metres.
 
-    ``min over S in symmetries, max over vertices x of |T_estimate x - T_truth S x|``. The distance is convex in x, so
-    its maximum lies on the convex hull: only the hull's vertices are tried, without loss.
+    ``min over S in symmetries, max over vertices x of |T_estimate x - T_truth S x|``.
     """
     estimate, truth, batch = _pairs(Ts_a_estimate, Ts_a_truth)
-    hull = model.vertices_m[model.hull_indices]
-    symmetries = model.symmetry_transforms
-    errors = np.empty(len(estimate))
-    step = max(1, _CHUNK // (len(symmetries) * len(hull) * 3))
-    for i in range(0, len(estimate), step):
-        difference = estimate[i : i + step, None] - truth[i : i + step, None] @ symmetries
-        distance_sq = (_affine(difference, hull) ** 2).sum(-1)
-        errors[i : i + step] = np.sqrt(distance_sq.max(-1).min(-1))
-    return errors.reshape(batch)
+    errors = [_closest_symmetry_error(E, T, model, lambda points: points) for E, T in zip(estimate, truth, strict=True)]
+    return np.array(errors, float).reshape(batch)
 
 
 def mspd(
@@ -107,27 +98,10 @@ def mspd(
     to an image width of 640; `target_errors` does that.
     """
     estimate, truth, batch = _pairs(Ts_camera_estimate, Ts_camera_truth)
-    hull = model.vertices_m[model.hull_indices]
-    symmetries = model.symmetry_transforms
-
-    def distance(E: np.ndarray, Ts: np.ndarray, points: np.ndarray) -> np.ndarray:
-        offset = camera.project(_affine(E, points)) - camera.project(_affine(Ts, points))
-        return np.asarray(np.linalg.norm(offset, axis=-1).max(-1))
-
-    errors = np.full(len(estimate), np.inf)
     # A wild estimate may put a vertex into the camera's own plane: its error is infinite, not a warning.
     with np.errstate(divide="ignore", invalid="ignore"):
-        for i, (E, T) in enumerate(zip(estimate, truth, strict=True)):
-            equivalents = T @ symmetries
-            # The hull alone bounds the error from below, which rules out nearly all symmetries of a round part.
-            bounds = distance(E, equivalents, hull)
-            for s in np.argsort(bounds):
-                if bounds[s] >= errors[i]:
-                    break
-                exact = distance(E, equivalents[s], model.vertices_m)
-                if exact < errors[i]:
-                    errors[i] = exact
-    return errors.reshape(batch)
+        errors = [_closest_symmetry_error(E, T, model, camera.project) for E, T in zip(estimate, truth, strict=True)]
+    return np.array(errors, float).reshape(batch)
 
 
 def bounding_spheres_overlap(
@@ -148,6 +122,37 @@ def sphere_projections_overlap(
         apart = np.linalg.norm(a[..., :2] / a[..., 2:] - b[..., :2] / b[..., 2:], axis=-1)
         reach = diameter_m / 2 * (1 / a[..., 2] + 1 / b[..., 2])
     return np.asarray((apart < reach) & (a[..., 2] != 0) & (b[..., 2] != 0))
+
+
+def _closest_symmetry_error(
+    T_estimate: Float[np.ndarray, "4 4"],
+    T_truth: Float[np.ndarray, "4 4"],
+    model: EvaluationModel,
+    view: Callable[[np.ndarray], np.ndarray],
+) -> float:
+    """Return min over symmetries S, max over vertices x of |view(T_estimate x) - view(T_truth S x)|, exactly.
+
+    A round part has hundreds of symmetries and thousands of vertices, of which few matter. Some vertices bound every
+    symmetry's error from below; the symmetry with the least bound is worked out in full, and its worst vertex
+    tightens all bounds. When the least bound is itself a full error, no other symmetry can undercut it.
+    """
+    vertices, equivalents = model.vertices_m, T_truth @ model.symmetry_transforms
+    estimate = view(_affine(T_estimate, vertices))
+
+    def distances(symmetry: slice, vertex: np.ndarray | slice) -> np.ndarray:
+        offset = view(_affine(equivalents[symmetry], vertices[vertex])) - estimate[vertex]
+        distance = np.linalg.norm(offset, axis=-1)
+        return np.where(np.isnan(distance), np.inf, distance)
+
+    bounds = distances(slice(None), model.spread_vertices).max(-1)
+    exact = np.zeros(len(bounds), bool)
+    while not exact[s := int(bounds.argmin())]:
+        in_full = distances(slice(s, s + 1), slice(None))[0]
+        worst = in_full.argmax(keepdims=True)
+        bounds = np.maximum(bounds, distances(slice(None), worst)[:, 0])
+        bounds[s] = in_full[worst[0]]
+        exact[s] = True
+    return float(bounds[s])
 
 
 def _pairs(estimate: np.ndarray, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[int, ...]]:

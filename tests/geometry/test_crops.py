@@ -78,14 +78,24 @@ def test_downsampled_crop_still_shows_the_virtual_camera() -> None:
     assert np.abs(crop.rgb.astype(int) - smooth_scene(crop.camera, crop.R_crop_camera.T)).max() <= 5
 
 
-def test_one_pixel_of_the_mask_lands_in_its_own_crop_pixel() -> None:
+def test_one_pixel_of_the_mask_lands_in_its_own_place() -> None:
     camera = Pinhole(64, 64, 5000.0, 5000.0, 32.0, 32.0)
     mask = np.zeros((64, 64), bool)
     mask[20, 30] = True
     rgb = np.zeros((64, 64, 3), np.uint8)
-    crop = crop_image(rgb, camera, np.array([16.0, 16.0, 48.0, 48.0]), 32, mask=mask, padding=1.0)
+    crop = crop_image(rgb, camera, np.array([16.0, 16.0, 48.0, 48.0]), 128, mask=mask, padding=1.0)
     assert crop.mask is not None
-    np.testing.assert_array_equal(np.argwhere(crop.mask), [[4, 14]])
+    # Every source pixel is four crop pixels wide: the centre at (30.5, 20.5) goes to (4 * 14.5, 4 * 4.5).
+    rows, columns = np.nonzero(crop.mask)
+    assert 9 <= len(rows) <= 16
+    assert (columns.mean() + 0.5, rows.mean() + 0.5) == pytest.approx((58, 18), abs=0.3)
+
+
+def test_enlarged_crop_shows_the_virtual_camera() -> None:
+    camera = CAMERA.resized(160, 120)
+    crop = crop_image(smooth_scene(camera, np.eye(3)), camera, np.array([100.0, 20.0, 120.0, 35.0]), 128)
+    seen = smooth_scene(crop.camera, crop.R_crop_camera.T)
+    assert np.abs(crop.rgb.astype(int) - seen).mean() < 1.5
 
 
 def test_mask_follows_the_image() -> None:

@@ -85,6 +85,13 @@ def test_se3_exp_adds_up_along_one_twist(twist: np.ndarray) -> None:
     np.testing.assert_allclose(se3_exp(0.3 * twist) @ se3_exp(0.7 * twist), se3_exp(twist), atol=1e-12)
 
 
+@pytest.mark.parametrize("angle", [1e-3, 0.019, 0.021])
+def test_se3_exp_of_a_small_turn_is_many_smaller_ones(angle: float) -> None:
+    twist = np.array([5.0, -3.0, 2.0, 0.6 * angle, 0.0, 0.8 * angle])
+    many = np.linalg.matrix_power(se3_exp(twist / 64), 64)
+    np.testing.assert_allclose(se3_exp(twist), many, atol=1e-12)
+
+
 def test_se3_exp_turns_about_the_instantaneous_centre() -> None:
     # Turning at pi/2 about z while moving at pi/2 along x is a quarter circle of radius 1 about (0, 1, 0).
     T = se3_exp(np.array([np.pi / 2, 0, 0, 0, 0, np.pi / 2]))
