@@ -49,8 +49,16 @@ class Part:
 
     @cached_property
     def mass_kg(self) -> float:
-        """Return density times the mesh's volume."""
-        return float(self.density_kg_m3 * self.mesh.volume)
+        """Return density times the solid's volume."""
+        return float(self.density_kg_m3 * self.solid.volume)
+
+    @cached_property
+    def solid(self) -> trimesh.Trimesh:
+        """Return what mass and inertia are computed from: the mesh, or its hull where the mesh bounds no volume.
+
+        Scanned models, as in BOP's data sets, have holes.
+        """
+        return self.mesh if self.mesh.is_volume else self.mesh.convex_hull
 
     @cached_property
     def diameter_m(self) -> float:
