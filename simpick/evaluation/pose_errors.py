@@ -133,8 +133,8 @@ def _closest_symmetry_error(
     """Return min over symmetries S, max over vertices x of |view(T_estimate x) - view(T_truth S x)|, exactly.
 
     A round part has hundreds of symmetries and thousands of vertices, of which few matter. Some vertices bound every
-    symmetry's error from below; the symmetry with the least bound is worked out in full, and its worst vertex
-    tightens all bounds. When the least bound is itself a full error, no other symmetry can undercut it.
+    symmetry's error from below; of the symmetry with the least bound, the worst vertex of all is found, which makes
+    its bound exact and tightens the others. When the least bound is itself a full error, no other symmetry can undercut it.
     """
     vertices, equivalents = model.vertices_m, T_truth @ model.symmetry_transforms
     estimate = view(_affine(T_estimate, vertices))
@@ -147,10 +147,8 @@ def _closest_symmetry_error(
     bounds = distances(slice(None), model.spread_vertices).max(-1)
     exact = np.zeros(len(bounds), bool)
     while not exact[s := int(bounds.argmin())]:
-        in_full = distances(slice(s, s + 1), slice(None))[0]
-        worst = in_full.argmax(keepdims=True)
+        worst = distances(slice(s, s + 1), slice(None))[0].argmax(keepdims=True)
         bounds = np.maximum(bounds, distances(slice(None), worst)[:, 0])
-        bounds[s] = in_full[worst[0]]
         exact[s] = True
     return float(bounds[s])
 

@@ -147,6 +147,8 @@ def test_batches_agree_with_plain_loops(symmetries: SymmetryGroup) -> None:
 
 def test_a_vertex_in_the_cameras_own_plane_is_an_infinite_error() -> None:
     assert mspd(at(0, 0, 0), TRUTH, PLATE, CAMERA) == np.inf
+    # Here one corner is the camera's centre itself.
+    assert mspd(at(-0.02, -0.02, 0), TRUTH, PLATE, CAMERA) == np.inf
 
 
 def test_errors_of_one_estimate_by_hand() -> None:
