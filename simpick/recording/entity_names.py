@@ -1,0 +1,30 @@
+"""Names for the entity tree: each MuJoCo name becomes one path part, whatever characters it holds."""
+
+from __future__ import annotations
+
+import mujoco
+import rerun as rr
+
+
+class EntityNames:
+    """Hands out paths below each parent, never the same twice.
+
+    MuJoCo names may hold slashes and are unique only among objects of one kind; in the entity tree a slash would
+    make a child, which inherits its parent's transform, and two objects of one name would overwrite one another.
+    """
+
+    def __init__(self) -> None:
+        self._taken: set[str] = set()
+
+    def path(self, parent: str, name: str) -> str:
+        """Return ``parent/name`` with `name` escaped to a single part, and underscores appended until it is free."""
+        path = f"{parent}/{rr.escape_entity_path_part(name)}"
+        while path in self._taken:
+            path += "_"
+        self._taken.add(path)
+        return path
+
+
+def object_name(model: mujoco.MjModel, kind: mujoco.mjtObj, index: int) -> str:
+    """Return an object's name, or kind and index (``geom_7``) for one without."""
+    return mujoco.mj_id2name(model, kind, index) or f"{kind.name.removeprefix('mjOBJ_').lower()}_{index}"
