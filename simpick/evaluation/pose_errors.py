@@ -134,7 +134,7 @@ def _closest_symmetry_error(
 
     A round part has hundreds of symmetries and thousands of vertices, of which few matter. Some vertices bound every
     symmetry's error from below; of the symmetry with the least bound, the worst vertex of all is found, which makes
-    its bound exact and tightens the others. When the least bound is itself a full error, no other symmetry can undercut it.
+    its bound exact and tightens the others. When the least bound is an exact one, no other symmetry can undercut it.
     """
     vertices, equivalents = model.vertices_m, T_truth @ model.symmetry_transforms
     estimate = view(_affine(T_estimate, vertices))
