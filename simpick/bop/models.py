@@ -32,7 +32,7 @@ class BopModels:
     def __init__(self, folder: Path, eval_folder: Path | None = None) -> None:
         self.folder, self.eval_folder = folder, eval_folder or folder
         self._parts: dict[int, Part] = {}
-        self._eval_points: dict[int, np.ndarray] = {}
+        self._eval_parts: dict[int, Part] = {}
 
     @cached_property
     def info(self) -> dict[int, Any]:
@@ -61,8 +61,20 @@ class BopModels:
         millimetres.
         """
         if obj_id not in self._parts:
-            self._parts[obj_id] = self._load(obj_id)
+            self._parts[obj_id] = self._load(obj_id, self.folder)
         return self._parts[obj_id]
+
+    def eval_part(self, obj_id: int) -> Part:
+        """Return the eval model as a part: what BOP renders for VSD.
+
+        Its bounding box may differ a little, and with it its part frame: ``part.T_cad_part`` and
+        ``eval_part.T_cad_part`` lead to the same model frame.
+        """
+        if self.eval_folder == self.folder:
+            return self.part(obj_id)
+        if obj_id not in self._eval_parts:
+            self._eval_parts[obj_id] = self._load(obj_id, self.eval_folder)
+        return self._eval_parts[obj_id]
 
     def parts(self) -> tuple[Part, ...]:
         """Return all parts, by ascending object id."""
@@ -87,12 +99,9 @@ class BopModels:
 
     def eval_points_m(self, obj_id: int) -> Float[np.ndarray, "n 3"]:
         """Return the vertices that BOP measures errors on (the eval model's), in metres, in the part frame."""
-        if obj_id not in self._eval_points:
-            part = self.part(obj_id)
-            path = self.eval_folder / f"obj_{obj_id:06d}.ply"
-            points_model = read_ply(path, self._present(self.eval_folder)).vertices / MM_PER_M
-            self._eval_points[obj_id] = transform_points(invert(part.T_cad_part), points_model)
-        return self._eval_points[obj_id]
+        part, eval_part = self.part(obj_id), self.eval_part(obj_id)
+        T_part_evalpart = invert(part.T_cad_part) @ eval_part.T_cad_part
+        return transform_points(T_part_evalpart, np.asarray(eval_part.mesh.vertices))
 
     @cached_property
     def _names(self) -> dict[int, str]:
@@ -116,10 +125,10 @@ class BopModels:
             )
         return self.info[obj_id]
 
-    def _load(self, obj_id: int) -> Part:
+    def _load(self, obj_id: int, folder: Path) -> Part:
         entry = self._entry(obj_id)
-        path = self.folder / f"obj_{obj_id:06d}.ply"
-        mesh = read_ply(path, self._present(self.folder))
+        path = folder / f"obj_{obj_id:06d}.ply"
+        mesh = read_ply(path, self._present(folder))
         self._check_unit(mesh, required_numbers(entry, "diameter", 1, self._where(obj_id))[0], path)
         material = _material(mesh)
         vertices_m = mesh.vertices / MM_PER_M

@@ -87,6 +87,15 @@ class BopWriter:
         self._parts = {part.name: part for part in parts}
         self._open(parts)
 
+    def check_new(self, scene_ids: Sequence[int]) -> None:
+        """Raise `OutputError` if any of these scenes has been written before: adding would double its images."""
+        old = [k for k in scene_ids if (self.root / self.split / f"{k:06d}" / "scene_camera.json").exists()]
+        if old:
+            raise OutputError(
+                f"{self.root} has scenes {', '.join(map(str, old))} already; choose another folder or other scenes "
+                "(seeds)."
+            )
+
     def add(self, scene_id: int, frame: CameraFrame, instances: Sequence[BopInstance]) -> int:
         """Write one image of a scene, and return its id: the next one of the scene."""
         scene = self.root / self.split / f"{scene_id:06d}"

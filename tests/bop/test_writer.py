@@ -47,6 +47,13 @@ def test_a_second_writer_goes_on_where_the_first_ended(root, parts, frames, inst
     assert len(dataset.targets()) == 6
 
 
+def test_scenes_that_are_there_can_be_refused(root, parts):
+    writer = BopWriter(root, parts)
+    writer.check_new([0, 1])
+    with pytest.raises(OutputError, match=r"has scenes 4 already; choose another folder or other scenes \(seeds\)"):
+        writer.check_new([3, 4, 5])
+
+
 def test_what_a_killed_writer_left_of_an_image_is_replaced(root, parts, frames, instances):
     scene = root / "test/000004"
     cameras = json.loads((scene / "scene_camera.json").read_text())
