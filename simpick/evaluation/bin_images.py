@@ -8,14 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from simpick.bop import BopInstance, BopWriter
+from simpick.bop.targets import MIN_VISIBLE_FRACTION
 from simpick.estimators.segmentation_detector import SegmentationDetector
 from simpick.evaluation.pose_images import PoseImage, PoseTruth
 from simpick.geometry import invert
 from simpick.rendering import SceneRenderer, Visibility, measure_visibility
 from simpick.scene import SceneConfig, build_scene
-
-MIN_VISIBLE_FRACTION = 0.1
-"""Less visible instances are no targets, as in BOP."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from simpick.bop import BopDataset, BopDetection, BopResult, BopScene, BopTarget
+from simpick.bop.targets import MIN_VISIBLE_FRACTION
 from simpick.errors import DatasetError
 from simpick.evaluation.models import EvaluationModel
 from simpick.evaluation.pose_images import PoseImage, PoseModel, PoseTruth
@@ -73,7 +74,7 @@ def bop_images(
         yield PoseImage(scene_id, im_id, frame, tuple(chosen), truths, counts, max(seconds, 0.0))
 
 
-def truth_targets(dataset: BopDataset, min_visible_fraction: float = 0.1) -> list[BopTarget]:
+def truth_targets(dataset: BopDataset, min_visible_fraction: float = MIN_VISIBLE_FRACTION) -> list[BopTarget]:
     """Return all annotated instances of the split of which enough is visible, as targets."""
     targets = []
     for scene in dataset:
