@@ -25,6 +25,7 @@ from simpick.records import CameraFrame, Detection, PickOutcome, PickRecord, Pos
 
 _ROOT = "/world"
 _VIEWER_FOV_RAD = np.radians(55)
+_TEXT_COLOUR = 0xB0BEC5FF
 _FLUSH_TICKS = 250
 """Ticks after which motion is sent, also in the midst of a pick, so that memory stays small."""
 
@@ -216,13 +217,15 @@ class RerunRecorder:
         """Enter a state on the timeline of states; an empty one leaves a gap."""
         self._running("state").stream.log(path, rr.StateChange(state=str(state)), strict=True)
 
-    def _log_text(self, text: str, level: str, colour: int | None = None) -> None:
+    def _log_text(self, text: str, level: str, colour: int = _TEXT_COLOUR) -> None:
+        # A line without a colour would take that of the line before.
         self._running("log").stream.log("/log", rr.TextLog(text, level=level, color=colour), strict=True)
 
     def _flush(self) -> None:
         episode = self._running("flush")
         episode.logger.flush()
-        episode.stream.flush()
+        # Chunks end here whether or not one waits for them to be written.
+        episode.stream.flush(timeout_sec=0.0)
 
 
 @dataclass(frozen=True)
