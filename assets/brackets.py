@@ -68,7 +68,7 @@ def pillow_block() -> Part:
     slots = [s.extrude(s.slot(6.0, 3.0), -1.0, 8.0).translate((x, 0.0, 0.0)) for x in (-29.0, 29.0)]
     solid = s.cut(s.union(base, housing, boss), bore, *slots)
     pieces = [s.upright(p).translate(axis) for p in s.ring_pieces(s.round_outline(18.0), 9.5, -9.0, 9.0)]
-    foot = s.upright(s.extrude(s.polygon([(9.0, 7), (23.4, 7), (18.3, 23)]), -9.0, 9.0))
+    foot = s.upright(s.extrude(s.polygon([(5.0, 7), (23.4, 7), (18.3, 23)]), -9.0, 9.0))
     pieces += [s.box((-36, -11, 0), (36, 11, 7)), foot, foot.rotate((0.0, 0.0, 180.0)), boss]
     return s.finish("pillow_block", solid, pieces, GREEN_PAINT)
 

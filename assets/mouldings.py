@@ -16,8 +16,9 @@ def star_knob() -> Part:
     body = s.union(s.cylinder(15.5, 0.0, 16.0, facets=60), *s.ring_of(lobe, 5)) ^ dome
     neck = s.revolve([(0, -5), (8.5, -5), (10.0, 0.5), (0, 0.5)], facets=60)
     stud = s.revolve([(0, -26), (4.4, -26), (5.2, -25), (5.2, -4), (0, -4)], facets=60)
-    rough_lobe = s.extrude(s.circle(7.2, (15.0, 0.0), facets=10), 0.0, 12.5)
-    pieces = s.ring_of(s.hull(rough_lobe, s.cylinder(8.0, 0.0, 15.4, facets=10)), 5)
+    rough_lobe = s.extrude(s.circle(7.2, (15.0, 0.0), facets=10), 0.0, 13.0)
+    core = s.hull(s.cylinder(13.5, 0.0, 14.0, facets=20), s.cylinder(8.0, 0.0, 15.6, facets=10))
+    pieces = s.ring_of(s.hull(rough_lobe, core), 5)
     pieces += [s.hull(s.round_piece(8.5, -5.0, -4.0), s.round_piece(9.8, -0.5, 0.0)), s.round_piece(5.2, -26.0, -5.0)]
     return s.finish("star_knob", s.union(body, neck, stud), pieces, BLACK_NYLON, SymmetryGroup.cyclic(5))
 

@@ -23,6 +23,7 @@ RELATIVE_TOLERANCE = 0.006
 """Default tolerance over the diameter: above the facets of a usual tessellation, below a keyway or a socket."""
 MAX_ORDER = 40
 """Largest order of a discrete rotation that is looked for."""
+_PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37)
 _EQUAL_MOMENTS = 0.03
 # Half the smallest angle between two elements of a group, so that errors of refined axes do not split one in two.
 _SAME_ELEMENT_RAD = np.pi / MAX_ORDER
@@ -81,7 +82,7 @@ class _Detector:
     def refined(self, R: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
         """Return the rotation near R that fits the surface best: ICP to tangent planes, about the centre of mass."""
         for _ in range(15):
-            moved = self.points @ R.T
+            moved = self.points[:800] @ R.T
             nearest = self.tree.query(moved)[1]
             normals = self.normals[nearest]
             # Linear in the small rotation w: normal . (moved + w x moved - nearest) = 0.
@@ -120,10 +121,12 @@ class _Detector:
         """Return how many rotations about this axis fit: 0 for all of them, 1 for the identity alone."""
         if all(self.is_symmetry(so3_exp(angle * axis)) for angle in _IRRATIONAL_RAD):
             return 0
-        for order in range(MAX_ORDER, 1, -1):
-            if self.is_symmetry(so3_exp(2 * np.pi / order * axis)):
-                return order
-        return 1
+        # The rotations about one axis form a cyclic group, so its order is found prime by prime.
+        order = 1
+        for prime in _PRIMES:
+            while order * prime <= MAX_ORDER and self.is_symmetry(so3_exp(2 * np.pi / (order * prime) * axis)):
+                order *= prime
+        return order
 
     def _axes_about(self, main: Float[np.ndarray, "3"]) -> list[Float[np.ndarray, "3"]]:
         """Return the main axis and, of the directions normal to it, those whose half turn may fit."""

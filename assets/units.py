@@ -25,7 +25,7 @@ class UnitChoice:
     """One sentence for the person who brought the file."""
 
 
-def choose_unit(longest_side: float, unit: Unit = "auto", *, file: str = "the file") -> UnitChoice:
+def choose_unit(longest_side: float, unit: str = "auto", *, file: str = "the file") -> UnitChoice:
     """Return the unit of a file whose longest side is this many units.
 
     "auto" takes millimetres or metres, whichever makes the part 5 mm to 300 mm long: the two ranges do not overlap.
