@@ -23,7 +23,7 @@ from simpick.rendering.part_views import PART_QUALITY, PartRenderer
 from simpick.rendering.view_sphere import VIEW_COUNTS, look_at_part, turn_in_plane, view_directions
 
 # Raise when the same configuration would give other images.
-_VERSION = 1
+_VERSION = 2
 _DEPTH_STEPS = 65534
 
 
