@@ -13,8 +13,8 @@ from simpick.scene.composition import compose_settling
 from simpick.scene.config import SceneConfig
 from simpick.scene.robot import ARM_PREFIX, gripper_handle, mount_robot
 
-ALLOWED_OVERLAP_M = 0.002
-"""A plan may graze by this much: poses are estimates, and the approach stops at contact anyway."""
+ALLOWED_OVERLAP_M = 0.0005
+"""A plan may graze by this much, no more: the arm is stiff, and a millimetre of wall is a collision."""
 _STEP_RAD = 0.04
 
 

@@ -33,7 +33,7 @@ class MotionConfig:
     """Height of the TCP over the chute's floor where it lets go."""
     collision_force_n: float = 60.0
     """Contact with bin, chute or table above this force is a collision."""
-    blocked_force_n: float = 60.0
+    blocked_force_n: float = 40.0
     """Parts that resist the approach with more than this force block it."""
     near_goal_m: float = 0.004
     """A blocked approach that came this close to its goal grips all the same."""

@@ -26,6 +26,7 @@ _GRIP_MIN_S, _GRIP_MAX_S = 0.10, 0.60
 _OPENING_STILL_M = 5e-5
 _RELEASE_S = 0.20
 _REST_S = 0.04
+_SHED_S = 0.25
 _STILL_SPEED = 0.01
 _STILL_TICKS = 5
 _SEATED_TICKS = 3
@@ -35,14 +36,23 @@ class PickExecutor:
     """Picks in one scene, again and again; the arm starts and ends every pick at home."""
 
     def __init__(
-        self, scene: Scene, on_step: Callable[[Scene], None] | None = None, config: MotionConfig | None = None
+        self,
+        scene: Scene,
+        on_step: Callable[[Scene], None] | None = None,
+        config: MotionConfig | None = None,
+        on_stage: Callable[[str], None] | None = None,
     ) -> None:
-        """Take over the arm of `scene`; `on_step` is called with it after every control period (10 ms)."""
+        """Take over the arm of `scene`.
+
+        `on_step` is called with the scene after every control period (10 ms), `on_stage` with the name of each stage
+        as it begins.
+        """
         if scene.robot is None or scene.gripper is None:
             raise ConfigError("robot must be the name of an arm to pick, got None; set SceneConfig.robot")
         self.scene = scene
         self.config = config or MotionConfig()
         self.on_step = on_step
+        self.on_stage = on_stage
         self.planner = PickPlanner(scene.config, self.config)
         self._gripper = scene.gripper
         model = scene.model
@@ -53,13 +63,20 @@ class PickExecutor:
         self._steps = max(1, round(self.config.control_period_s / model.opt.timestep))
         self._period_s = self._steps * float(model.opt.timestep)
         self._q = scene.robot.home_qpos.copy()
+        self._evidence = Evidence(in_bin=(), in_chute=())
+        self._monitor = Monitor(scene, self.config)
+
+    @property
+    def stage(self) -> str:
+        """Return the stage of the pick under way, or the last one of the pick before; for `on_step`."""
+        return self._evidence.stages[-1] if self._evidence.stages else "home"
 
     # -- the pick -----------------------------------------------------------------------------------------------
 
     def execute(self, T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float) -> PickResult:
         """Pick with the TCP at `T_world_tcp` and the jaw opened to `opening_m` beforehand (ignored by suction).
 
-        Parts that reach the chute are removed from the scene. Never raises for what happens in the simulation: a
+        Parts that reach the chute, or that stay stuck on the gripper, are removed from the scene. Never raises for what happens in the simulation: a
         diverged one ends as `PickOutcome.SIMULATION_FAULT`.
         """
         scene = self.scene
@@ -75,6 +92,7 @@ class PickExecutor:
                 self._pick(plan, opening_m)
                 motion_s = scene.time_s - start_s
                 self._settle()
+                self._evidence.stuck = tuple(k for k in self._monitor.clinging() if not scene.in_bin(k))
             self._evidence.in_bin_after = scene.parts_in_bin()
             self._evidence.in_chute_after = scene.parts_in_chute()
         except SimulationFaultError as error:
@@ -82,7 +100,8 @@ class PickExecutor:
             motion_s = scene.time_s - start_s
         verdict = judge(self._evidence)
         if verdict.outcome is not PickOutcome.SIMULATION_FAULT:
-            for instance in verdict.delivered:
+            # What still sticks to the gripper at home would spoil every later pick: an operator takes it off.
+            for instance in (*verdict.delivered, *self._evidence.stuck):
                 scene.remove(instance)
         return PickResult(
             outcome=verdict.outcome,
@@ -151,9 +170,20 @@ class PickExecutor:
         lift = self.planner.lift(self._q, height_m=self.config.hover_height_m)
         if lift is not None:
             self._run(lift, watch=False)
+        if self._monitor.clinging():
+            self._shed()
         self._stage("return")
         self._run(self.planner.segment(self._q, self.planner.robot.home_qpos), watch=False)
         self._dwell(_REST_S)
+
+    def _shed(self) -> None:
+        """Open, close and open over the bin: a part may sit between the fingers, or on one of them by a hole."""
+        model, data = self.scene.model, self.scene.data
+        for opening in (self._gripper.max_opening_m, 0.0, self._gripper.max_opening_m):
+            self._gripper.release(model, data, opening)
+            self._dwell(_SHED_S)
+            if not self._monitor.clinging():
+                return
 
     # -- gripping -----------------------------------------------------------------------------------------------
 
@@ -258,3 +288,5 @@ class PickExecutor:
 
     def _stage(self, name: str) -> None:
         self._evidence.stages.append(name)
+        if self.on_stage is not None:
+            self.on_stage(name)

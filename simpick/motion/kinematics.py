@@ -40,6 +40,8 @@ class Kinematics:
         T_body_tcp = T_body_tcp @ T_flange_tcp
         flange.parent.add_site(name=_TCP, pos=T_body_tcp[:3, 3], quat=quaternion_from_matrix(T_body_tcp[:3, :3]))
         self.model = spec.compile()
+        self.tcp_site = _TCP
+        """Name of the TCP's site in `model`."""
         self._T_tcp_flange = invert(T_flange_tcp)
         self._configuration = mink.Configuration(self.model)
         self._task = mink.FrameTask(_TCP, "site", position_cost=1.0, orientation_cost=1.0, lm_damping=1e-4)

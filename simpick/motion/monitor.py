@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from simpick.motion.collision import describe_geom
 from simpick.motion.config import MotionConfig
@@ -34,21 +34,25 @@ class Monitor:
         self._is_robot = (groups == ContactGroup.ARM) | (groups == ContactGroup.GRIPPER)
         self._is_fixed = np.isin(groups, [ContactGroup.TABLE, ContactGroup.BIN, ContactGroup.CHUTE])
         self._is_part = groups == ContactGroup.PART
+        self._pads = np.array([scene.model.geom(name).id for name in scene.gripper.contact_geoms])
         self._is_pad = np.zeros(scene.model.ngeom, bool)
-        self._is_pad[[scene.model.geom(name).id for name in scene.gripper.contact_geoms]] = True
+        self._is_pad[self._pads] = True
         self._instance_of_body = {i.body_id: i.instance for i in scene.instances}
         self.peak_force_n = 0.0
+        """Largest sum of normal forces on any one pad, or segment of the cup's lip, so far."""
         self.fixed_force_n = 0.0
         """Largest normal force between the robot and what never moves, now."""
         self.part_force_n = 0.0
         """Largest normal force between the robot and any part, now."""
         self._fixed_pair = (0, 0)
+        self._on_pads: tuple[frozenset[int], ...] = (frozenset(),) * len(self._pads)
         self._without = 0
 
     def look(self) -> None:
         """Read the contacts of the last simulation step."""
         data = self._scene.data
         self.fixed_force_n = self.part_force_n = 0.0
+        self._on_pads = (frozenset(),) * len(self._pads)
         if data.ncon == 0:
             return
         geoms = data.contact.geom
@@ -65,7 +69,18 @@ class Monitor:
         on_part = self._is_part[pairs].any(axis=1)
         self.part_force_n = float(forces[on_part].max(initial=0.0))
         on_pad = self._is_pad[pairs].any(axis=1)
-        self.peak_force_n = max(self.peak_force_n, float(forces[on_pad].max(initial=0.0)))
+        if on_pad.any():
+            self._feel(pairs[on_pad], forces[on_pad])
+
+    def _feel(self, pairs: Int[np.ndarray, "contacts 2"], forces: Float[np.ndarray, "contacts"]) -> None:
+        """Note which parts press on each pad, and how hard."""
+        touched = []
+        for pad in self._pads:
+            on = (pairs == pad).any(axis=1) & (forces > 0)
+            self.peak_force_n = max(self.peak_force_n, float(forces[on].sum()))
+            instances = self._scene.instance_of_geom[pairs[on]]
+            touched.append(frozenset(int(k) for k in instances[instances >= 0]))
+        self._on_pads = tuple(touched)
 
     def obstruction(self, q: np.ndarray, q_commanded: np.ndarray, holding: bool) -> Obstruction | None:
         """Return what stops the arm now, or None; while `holding`, force on parts is the grip's own."""
@@ -82,9 +97,23 @@ class Monitor:
         return None
 
     def held(self) -> tuple[int, ...]:
-        """Return the instances that the gripper holds now."""
+        """Return the instances that the gripper holds now.
+
+        A jaw holds what lies between its pads: one part that presses on both, or else several in a row, of which
+        each pad feels one. A cup holds what it seals on.
+        """
+        if self._gripper.kind == "jaw":
+            left, right = self._on_pads
+            return tuple(sorted((left & right) or (left | right if left and right else ())))
         bodies = self._gripper.held_bodies(self._scene.model, self._scene.data)
         return tuple(self._instance_of_body[b] for b in bodies if b in self._instance_of_body)
+
+    def clinging(self) -> tuple[int, ...]:
+        """Return the instances that touch arm or gripper anywhere."""
+        geoms = self._scene.data.contact.geom
+        pairs = geoms[self._is_robot[geoms].any(axis=1)]
+        instances = self._scene.instance_of_geom[pairs]
+        return tuple(int(k) for k in np.unique(instances[instances >= 0]))
 
     def lost(self, gripped: tuple[int, ...]) -> bool:
         """Return whether nothing of what was gripped has been held for several periods running."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -21,6 +21,7 @@ PEAK_ACCELERATION = 10 / math.sqrt(3)
 _SAMPLES = 101
 
 
+@runtime_checkable
 class Trajectory(Protocol):
     """A motion from rest to rest."""
 

@@ -35,6 +35,8 @@ class Evidence:
     """Whether it was then still inside the bin."""
     lost_height_m: float = 0.0
     """Height of the TCP at that moment."""
+    stuck: tuple[int, ...] = ()
+    """Instances that still stuck to the gripper at home."""
     fault: str | None = None
     """How the physics diverged."""
 
@@ -71,10 +73,17 @@ def _outcome(evidence: Evidence, delivered: tuple[int, ...], ejected: tuple[int,
         return PickOutcome.DOUBLE_PICK, f"{_names(delivered)} were delivered together"
     if delivered and carried:
         return PickOutcome.DOUBLE_PICK, f"{_names(carried)} came along with {_names(delivered)} and fell off"
+    if evidence.stuck and not delivered:
+        return (
+            PickOutcome.EJECTED,
+            f"{_names(evidence.stuck)} stuck to the gripper and was taken off{_because(evidence)}",
+        )
     pushed = tuple(k for k in ejected if k not in evidence.gripped)
     if pushed:
         first = f"; {_names(delivered)} was delivered" if delivered else _because(evidence)
         return PickOutcome.EJECTED, f"{_names(pushed)} left the bin and did not reach the chute{first}"
+    if delivered and not evidence.gripped:
+        return PickOutcome.EJECTED, f"{_names(delivered)} was knocked into the chute without being gripped"
     if delivered:
         return PickOutcome.SUCCESS, f"{_names(delivered)} was delivered into the chute"
     if evidence.collision is not None:
