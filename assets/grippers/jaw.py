@@ -33,13 +33,16 @@ PAD_ABOVE_TCP_M = 0.040
 
 _RUBBER_M = 0.002
 _PALM_BOTTOM_M = 0.085
-_FINGER_LENGTH_M = 0.118
+_FINGER_LENGTH_M = 0.140
 _TCP_Z_M = _PALM_BOTTOM_M + _FINGER_LENGTH_M - TIP_BEYOND_TCP_M
 _PALM_HALF_M = (0.062, 0.025, 0.032)
 _CARRIAGE_HALF_M = (0.010, 0.014, 0.008)
 _SERVO_STIFFNESS_N_PER_M = 20_000.0
 _SERVO_DAMPING_NS_PER_M = 40.0
 _SLIDE_DAMPING_NS_PER_M = 400.0
+# The gear's rotor, felt at the finger. It must outweigh timestep x damping: MuJoCo solves contacts with the bare
+# inertia but integrates with inertia plus timestep x damping, and stiff pads chatter where the two differ much.
+_SLIDE_ARMATURE_KG = 2.0
 _FINGER_MASS_KG = 0.09
 _PALM_MASS_KG = 0.75
 
@@ -203,7 +206,7 @@ def _add_finger(base: mujoco.MjsBody, prefix: str, side: str, sign: float) -> No
         range=[0, JAW_STROKE_M / 2],
         limited=True,
         damping=_SLIDE_DAMPING_NS_PER_M,
-        armature=0.05,
+        armature=_SLIDE_ARMATURE_KG,
         solref_limit=[0.005, 1.0],
     )
     metal = [0.55, 0.56, 0.58, 1.0]
@@ -239,7 +242,9 @@ def _add_finger(base: mujoco.MjsBody, prefix: str, side: str, sign: float) -> No
     pad.priority = 1
     pad.condim = 4
     pad.friction = [1.1, 0.008, 0.0001]
+    # A contact is as stiff as the part is heavy: with MuJoCo's default solimp, one of 20 g sinks 5 mm into the pad.
     pad.solref = [0.006, 1.0]
+    pad.solimp = [0.95, 0.99, 0.001, 0.5, 2.0]
 
 
 def _solid(body, name: str, half: list[float], pos: list[float], rgba: list[float], mass: float) -> mujoco.MjsGeom:
