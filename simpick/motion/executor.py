@@ -76,8 +76,8 @@ class PickExecutor:
     def execute(self, T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float) -> PickResult:
         """Pick with the TCP at `T_world_tcp` and the jaw opened to `opening_m` beforehand (ignored by suction).
 
-        Parts that reach the chute, or that stay stuck on the gripper, are removed from the scene. Never raises for what happens in the simulation: a
-        diverged one ends as `PickOutcome.SIMULATION_FAULT`.
+        Parts that reach the chute, or that stay stuck on the gripper, are removed from the scene. Never raises for
+        what happens in the simulation: a diverged one ends as `PickOutcome.SIMULATION_FAULT`.
         """
         scene = self.scene
         self._evidence = Evidence(in_bin=scene.parts_in_bin(), in_chute=scene.parts_in_chute())
