@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-import tempfile
+import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -50,14 +50,14 @@ def atomic_path(target: Path) -> Iterator[Path]:
     try:
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
-            handle, name = tempfile.mkstemp(prefix=f".{target.stem}-", suffix=target.suffix, dir=target.parent)
+            temporary = target.parent / f".{target.stem}-{uuid.uuid4().hex}{target.suffix}"
+            # Not tempfile.mkstemp, whose files nobody but their owner may read.
+            temporary.touch(exist_ok=False)
         except OSError as error:
             raise OutputError(
                 f"cannot write to {target.parent}: {error.strerror}. Choose another folder, or set SIMPICK_CACHE "
                 "if this is the cache."
             ) from error
-        os.close(handle)
-        temporary = Path(name)
         yield temporary
         temporary.replace(target)
     finally:

@@ -32,17 +32,19 @@ class Run:
         """Run the missing episodes and print the summary."""
         from rich.console import Console
 
+        from simpick.evaluation.episodes import validate
         from simpick.evaluation.result_store import ResultStore
         from simpick.evaluation.runs import run_episodes
 
+        validate(self.config)
         store = ResultStore(self.out, self.config.to_json(), overwrite=self.overwrite)
         console = Console()
         run_episodes(self.config, store, record=self.record, workers=self.workers, console=console)
         console.print(summary_table(self.config, store))
-        console.print(f"results: {self.out / 'results.jsonl'}")
+        console.print(f"results: {self.out / 'results.jsonl'}", soft_wrap=True)
         if self.record:
             first = next(iter(sorted(self.out.glob("*.rrd"))), None)
-            console.print(f"recordings: {self.out}/*.rrd - open one with: rerun {first}")
+            console.print(f"recordings: open one with: rerun {first}", soft_wrap=True)
         return 0
 
 

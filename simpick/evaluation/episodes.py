@@ -47,6 +47,17 @@ def make_env(config: RunConfig) -> BinPickEnv:
     return BinPickEnv(scene_config=make_scene_config(config), max_consecutive_failures=config.max_consecutive_failures)
 
 
+def validate(config: RunConfig) -> None:
+    """Check every name, part and setting of a run, before anything is simulated or written.
+
+    Raises:
+        SimpickError: something is amiss; the message says what and what to do.
+    """
+    env = make_env(config)
+    make_perception(config, env, np.random.default_rng(0))
+    env.close()
+
+
 def make_policy(config: RunConfig, env: BinPickEnv, seed: int) -> PickPolicy:
     """Return the policy that a configuration asks for; what is random in its perception follows from `seed`."""
     perception = make_perception(config, env, np.random.default_rng([seed, 1]))

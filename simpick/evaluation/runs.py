@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from simpick.errors import ConfigError
-from simpick.evaluation.episodes import make_env, recording_file, run_episode
+from simpick.evaluation.episodes import recording_file, run_episode
 from simpick.evaluation.result_store import EpisodeResult, ResultStore
 from simpick.evaluation.run_config import RunConfig
 from simpick.records import PickOutcome, PickRecord
@@ -22,11 +22,10 @@ def run_episodes(
     """Run the episodes of `config` that `store` does not hold yet, and add each as it ends.
 
     Raises:
-        ConfigError: `workers` is not positive, or the configuration is not valid; nothing has been simulated then.
+        ConfigError: `workers` is not positive.
     """
     if workers < 1:
         raise ConfigError(f"workers must be 1 or more, got {workers}")
-    make_env(config).close()  # Every part and setting is checked before the first bin is filled.
     missing = [episode for episode in range(config.episodes) if episode not in store]
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     with Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=console) as progress:

@@ -116,5 +116,5 @@ class PickPolicy:
         self._memory.remember(self._decision.target.part, T_world_part, grasp.T_world_tcp)
 
     def _reachable(self, grasp: WorldGrasp) -> bool:
-        inside = bool(self._workspace.contains(grasp.T_world_tcp[:3, 3]))
+        inside = bool(self._workspace.contains(grasp.T_world_tcp[None, :3, 3])[0])
         return inside and not isinstance(self._motion.plan(grasp.T_world_tcp, grasp.opening_m), NoPlan)
