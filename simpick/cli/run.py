@@ -61,13 +61,14 @@ def summary_table(config: RunConfig, store):
     rows = {
         "episodes": f"{scores.episodes}",
         "attempts": f"{scores.attempts}",
+        "abstentions": f"{scores.abstentions}",
         "grasp success": f"{scores.grasp_success:.1%}",
         "clearance": f"{scores.clearance:.1%}",
         "bins emptied": f"{scores.cleared_episodes:.1%}",
         "first-try success": f"{scores.first_try_success:.1%}",
         "mean picks per hour": f"{scores.mpph:.0f}",
         "motion per attempt": f"{scores.motion_s:.2f} s",
-        "perception per attempt": f"{scores.perception_s * 1e3:.0f} ms",
+        "perception per look": f"{scores.perception_s * 1e3:.0f} ms",
         "median rotation error": f"{scores.rotation_deg:.2f} deg",
         "median translation error": f"{scores.translation_mm:.2f} mm",
     }

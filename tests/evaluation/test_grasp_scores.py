@@ -28,6 +28,15 @@ def test_scores_by_hand() -> None:
     assert scores.rotation_deg == 1.0 and scores.translation_mm == 2.0
 
 
+def test_abstaining_is_no_attempt_but_costs_time() -> None:
+    scores = score_grasps([make_result(0, make_pick(0), make_pick(1, PickOutcome.NO_GRASP, None), ended="max_picks")])
+    assert (scores.attempts, scores.abstentions, scores.grasp_success) == (1, 1, 1.0)
+    assert scores.clearance == 0.5
+    # One motion of 5 s, two looks of 0.2 s.
+    assert scores.mpph == pytest.approx(3600 / 5.4)
+    assert scores.outcomes == {"no_grasp": 1, "success": 1}
+
+
 def test_faulted_episodes_say_nothing_about_grasping() -> None:
     fault = make_result(0, make_pick(0, PickOutcome.SIMULATION_FAULT), ended="simulation_fault")
     scores = score_grasps([fault, make_result(1)])
