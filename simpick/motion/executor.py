@@ -140,7 +140,8 @@ class PickExecutor:
     def _deliver(self) -> None:
         evidence = self._evidence
         self._stage("lift")
-        fraction = self.config.loaded_fraction
+        jaw = self._gripper.kind == "jaw"
+        fraction = self.config.jaw_loaded_fraction if jaw else self.config.suction_loaded_fraction
         lift = self.planner.lift(self._q, fraction=fraction)
         blocked = self._run(lift, carrying=True) if lift is not None else None
         if blocked is not None:

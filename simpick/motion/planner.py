@@ -23,6 +23,7 @@ _SUCTION_YAWS = 8
 _DROP_YAWS = 8
 _TOOL_DOWN = np.diag([1.0, -1.0, -1.0])
 _ROOM_FOR_STRETCH = 3
+_PROBE_FRACTION = 0.015
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +104,7 @@ class PickPlanner:
             q_probe = kinematics.follow(probing, q_grasp)
             if q_probe is None:
                 return NoPlan("the arm cannot press the cup along its axis from there")
-            probe = self.trajectory(q_probe, probing, 0.12)
+            probe = self.trajectory(q_probe, probing, _PROBE_FRACTION)
             q_grasp = q_probe[0]
         T_world_pre = _shifted(T_world_end, -motion.approach_m)
         T_world_hover = T_world_pre.copy()
@@ -162,24 +163,24 @@ class PickPlanner:
     def segment(
         self, q_start: Float[np.ndarray, "joints"], q_end: Float[np.ndarray, "joints"], fraction: float = 1.0
     ) -> JointSegment:
-        """Return the joint-space move at `fraction` of full speed."""
-        motion = self.motion
+        """Return the joint-space move at `fraction` of full acceleration and its square root of full speed."""
+        motion, pace = self.motion, float(np.sqrt(fraction))
         return JointSegment.within(
-            q_start, q_end, motion.joint_speed_rad_s * fraction, motion.joint_acceleration_rad_s2 * fraction
+            q_start, q_end, motion.joint_speed_rad_s * pace, motion.joint_acceleration_rad_s2 * fraction
         )
 
     def trajectory(
         self, qs: Float[np.ndarray, "points joints"], Ts_world_tcp: Float[np.ndarray, "points 4 4"], fraction: float
     ) -> PathTrajectory:
-        """Return the pass through a traced path at `fraction` of full speed."""
+        """Return the pass through a traced path at `fraction` of full acceleration and its root of full speed."""
         steps = np.linalg.norm(np.diff(Ts_world_tcp[:, :3, 3], axis=0), axis=1)
-        motion = self.motion
+        motion, pace = self.motion, float(np.sqrt(fraction))
         return PathTrajectory.within(
             qs,
             np.concatenate([[0.0], np.cumsum(steps)]),
-            motion.joint_speed_rad_s * fraction,
+            motion.joint_speed_rad_s * pace,
             motion.joint_acceleration_rad_s2 * fraction,
-            motion.tcp_speed_m_s * fraction,
+            motion.tcp_speed_m_s * pace,
         )
 
 

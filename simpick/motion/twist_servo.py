@@ -16,11 +16,41 @@ MAX_LEAD_RAD = 0.03
 """A joint's command runs ahead of the joint by no more than this, so that an arm that is blocked presses with a
 bounded force and turns back at once."""
 
+MAX_ACCELERATION_RAD_S2 = 25.0
+"""Of every joint's command: enough to turn from full speed back to full speed within a tick or two."""
+
 _SOLVER = "daqp"
 # Next to the squared singular values of the Jacobian, 0.01 and more away from singularities.
 _DAMPING = 1e-4
 _POSITION_WINDUP_M = 0.002
 _ROTATION_WINDUP_RAD = np.deg2rad(0.5)
+
+
+class JointMotionLimit(mink.Limit):
+    """Bounds of joint position, speed and acceleration, as one box around the next step of every joint.
+
+    Where they contradict each other, as in front of a stop that is reached too fast, position counts most and
+    acceleration least: the box is never empty.
+    """
+
+    def __init__(
+        self, q_lower: Float[np.ndarray, "joints"], q_upper: Float[np.ndarray, "joints"], speed_limit_rad_s: float
+    ) -> None:
+        """Start at rest; set `speed_rad_s` to the joints' speed before each step."""
+        self._q_lower, self._q_upper = q_lower, q_upper
+        self._speed_limit_rad_s = speed_limit_rad_s
+        self.speed_rad_s = np.zeros_like(q_lower)
+
+    def compute_qp_inequalities(self, configuration: mink.Configuration, dt: float) -> mink.Constraint:
+        """Return G and h of G dq <= h for a step of `dt` seconds."""
+        change = MAX_ACCELERATION_RAD_S2 * dt
+        lower, upper = self.speed_rad_s - change, self.speed_rad_s + change
+        limit = self._speed_limit_rad_s
+        to_stops = (self._q_lower - configuration.q) / dt, (self._q_upper - configuration.q) / dt
+        for least, most in ((-limit, limit), to_stops):
+            lower, upper = np.clip(lower, least, most), np.clip(upper, least, most)
+        eye = np.eye(len(lower))
+        return mink.Constraint(np.concatenate([eye, -eye]), np.concatenate([upper, -lower]) * dt)
 
 
 class TwistServo:
@@ -38,10 +68,8 @@ class TwistServo:
         self._kinematics = kinematics
         self._workspace = workspace
         self._task = mink.FrameTask(kinematics.tcp_site, "site", position_cost=1.0, orientation_cost=1.0)
-        model = kinematics.model
-        speeds = {model.joint(k).name: speed_limit_rad_s for k in range(model.njnt)}
-        self._limits = [mink.ConfigurationLimit(model), mink.VelocityLimit(model, speeds)]
-        self._configuration = mink.Configuration(model)
+        self._limit = JointMotionLimit(kinematics.q_lower, kinematics.q_upper, speed_limit_rad_s)
+        self._configuration = mink.Configuration(kinematics.model)
         self._q = np.array(q_start, float)
         self._twist = np.zeros(6)
         self._T_world_tcp = kinematics.forward(self._q)
@@ -81,12 +109,10 @@ class TwistServo:
         T_goal[:3, :3] = so3_exp(twist_world[3:] * period_s) @ T_goal[:3, :3]
         self._configuration.update(self._q)
         self._task.set_target(mink.SE3.from_matrix(T_goal))
-        try:
-            speed = mink.solve_ik(
-                self._configuration, [self._task], period_s, _SOLVER, damping=_DAMPING, limits=self._limits
-            )
-        except mink.NoSolutionFound:
-            speed = np.zeros_like(self._q)
+        speed = mink.solve_ik(
+            self._configuration, [self._task], period_s, _SOLVER, damping=_DAMPING, limits=[self._limit]
+        )
+        self._limit.speed_rad_s = speed
         self._q = np.clip(self._q + speed * period_s, self._kinematics.q_lower, self._kinematics.q_upper)
         T_reached = self._kinematics.forward(self._q)
         behind_m = np.linalg.norm(T_goal[:3, 3] - T_reached[:3, 3])

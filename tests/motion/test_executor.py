@@ -240,8 +240,8 @@ def test_motion_config_errors_say_what_to_do():
         MotionConfig(tcp_speed_m_s=-1.0)
     with pytest.raises(ConfigError, match=r"joint_speed_rad_s must be at most pi .* got 9"):
         MotionConfig(joint_speed_rad_s=9.0)
-    with pytest.raises(ConfigError, match=r"loaded_fraction must be at most 1, got 2"):
-        MotionConfig(loaded_fraction=2.0)
+    with pytest.raises(ConfigError, match=r"suction_loaded_fraction must be at most 1, got 2"):
+        MotionConfig(suction_loaded_fraction=2.0)
 
 
 def test_a_scene_without_an_arm_is_refused():
