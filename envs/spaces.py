@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -90,8 +91,13 @@ def outcome_from_index(index: int) -> PickOutcome | None:
 
 def observation_docs(width: int = 640, height: int = 480) -> str:
     """Return the observation table in Markdown, as it stands in the README."""
+    return markdown_table(observation_table(width, height))
+
+
+def markdown_table(table: Iterable[ObservationItem]) -> str:
+    """Return rows of an observation table in Markdown."""
     lines = ["| key | shape | dtype | unit | meaning |", "|---|---|---|---|---|"]
-    for item in observation_table(width, height):
+    for item in table:
         shape = "scalar" if isinstance(item.space, spaces.Discrete) else str(item.space.shape)
         lines.append(f"| `{item.key}` | {shape} | {item.space.dtype} | {item.unit or '-'} | {item.meaning} |")
     return "\n".join(lines)

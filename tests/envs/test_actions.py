@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from simpick.envs.actions import ABSTAIN, decode_action, encode_action
 from simpick.envs.spaces import action_space
 from simpick.errors import ConfigError

@@ -7,8 +7,9 @@ import sys
 import gymnasium
 import numpy as np
 import pytest
-import simpick  # noqa: F401 - registers the environments
 from gymnasium.utils.env_checker import check_env
+
+import simpick  # noqa: F401 - registers the environments
 from simpick.assets.library import part_names
 from simpick.envs.actions import ABSTAIN
 from simpick.envs.bin_pick import BinPickEnv

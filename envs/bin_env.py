@@ -1,0 +1,141 @@
+"""`BinEnv`: the scene's life, cameras, rendering and truth, which both environments share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from simpick.assets.library import get_part
+from simpick.assets.robots.registry import get_robot
+from simpick.errors import ConfigError
+from simpick.records import CameraFrame, InstanceTruth
+from simpick.rendering.scene_renderer import SceneRenderer
+from simpick.scene import Scene, SceneConfig, build_scene
+from simpick.scene.composition import check_fit
+
+RENDER_MODES = ("rgb_array", "rgb_array_list")
+
+
+class BinEnv(gymnasium.Env):
+    """A bin, an arm and cameras; what a step does, and what is observed, is the subclass's."""
+
+    metadata = {"render_modes": list(RENDER_MODES), "render_fps": 25}  # noqa: RUF012
+
+    def __init__(self, scene_config: SceneConfig, render_mode: str | None) -> None:
+        if render_mode is not None and render_mode not in RENDER_MODES:
+            raise ConfigError(f"render_mode must be None or one of {', '.join(RENDER_MODES)}, got {render_mode!r}")
+        if scene_config.robot is None:
+            raise ConfigError("robot must be the name of an arm, got None; nothing can be picked without one")
+        self.scene_config = scene_config
+        self.robot = get_robot(scene_config.robot)
+        self.parts = tuple(get_part(name) for name in scene_config.parts)
+        """The kinds of parts that the bin is filled from."""
+        check_fit(self.parts, scene_config.bin)
+        self.part_names = tuple(part.name for part in self.parts)
+        if len(set(self.part_names)) < len(self.parts):
+            raise ConfigError(
+                f"parts must have different names, got {', '.join(self.part_names)}; register one of them under "
+                "another name with: simpick parts add FILE --name NAME"
+            )
+        self.render_mode = render_mode
+        self.timings_s: dict[str, float] = {}
+        """Wall-clock seconds of the last reset or step: ``simulate`` and ``render``."""
+        self.on_tick: Callable[[Scene], None] | None = None
+        """Called with the scene after every control period (10 ms) while the arm moves; for recording."""
+        self._scene: Scene | None = None
+        self._renderer: SceneRenderer | None = None
+        self._frames: list[np.ndarray] = []
+        self._next_frame_s = 0.0
+
+    @property
+    def scene(self) -> Scene:
+        """Return the simulated scene.
+
+        Raises:
+            ConfigError: `reset` has not been called yet, or the environment is closed.
+        """
+        if self._scene is None:
+            raise ConfigError("the environment has no scene yet: call reset() first")
+        return self._scene
+
+    def truth(self) -> tuple[InstanceTruth, ...]:
+        """Return the true state of every part: for the oracle and for evaluation only."""
+        return self.scene.truth()
+
+    def instance_part_names(self) -> list[str]:
+        """Return the part name of each instance in the scene, by instance number."""
+        return [instance.part.name for instance in self.scene.instances]
+
+    def capture(self, camera: str = "overhead") -> CameraFrame:
+        """Return what a camera of the scene sees now."""
+        self.scene  # noqa: B018 - raises before the first reset
+        assert self._renderer is not None
+        return self._renderer.capture(camera)
+
+    def render(self) -> Any:
+        """Return what `render_mode` promises; None without one."""
+        if self.render_mode == "rgb_array":
+            return self._overview()
+        if self.render_mode == "rgb_array_list":
+            frames = [*self._frames, self._overview()]
+            self._frames.clear()
+            return frames
+        gymnasium.logger.warn("render() needs render_mode='rgb_array' or 'rgb_array_list' at gymnasium.make")
+        return None
+
+    def close(self) -> None:
+        """Free the renderer and the scene; may be called again."""
+        self._release_scene()
+
+    def _new_scene(self, seed: int | None, options: dict[str, Any] | None) -> Scene:
+        """Replace the scene by a new one, or by the one in ``options["scene_file"]``."""
+        options = dict(options or {})
+        scene_file = options.pop("scene_file", None)
+        if options:
+            raise ConfigError(f"unknown reset options {sorted(options)}; valid: scene_file")
+        self._release_scene()
+        if scene_file is not None:
+            self._scene = Scene.load(Path(scene_file))
+        else:
+            # An explicit seed names the bin; without one the environment's own generator goes on to the next.
+            scene_seed = seed if seed is not None else int(self.np_random.integers(2**31))
+            self._scene = build_scene(self.scene_config, scene_seed)
+        self._renderer = SceneRenderer(self._scene)
+        self._frames.clear()
+        self._next_frame_s = 0.0
+        return self._scene
+
+    def _release_scene(self) -> None:
+        if self._renderer is not None:
+            self._renderer.close()
+        self._renderer = self._scene = None
+
+    def _tick(self, scene: Scene) -> None:
+        """Look at the scene after a control period: for recording and for films."""
+        if self.on_tick is not None:
+            self.on_tick(scene)
+        if self.render_mode == "rgb_array_list" and scene.time_s >= self._next_frame_s:
+            self._next_frame_s = scene.time_s + 1 / self.metadata["render_fps"]
+            self._frames.append(self._overview())
+
+    def _overview(self) -> np.ndarray:
+        self.scene  # noqa: B018 - raises before the first reset
+        assert self._renderer is not None
+        return self._renderer.capture("overview", depth=False, instances=False).rgb
+
+    def _truth_arrays(self) -> dict[str, np.ndarray]:
+        """Return the truth as arrays with one row for each instance, for ``info``.
+
+        The rows of removed parts stay, as NaN, for gymnasium's vector environments stack arrays of equal shape only.
+        """
+        count = len(self.scene.instances)
+        T_world_part = np.full((count, 4, 4), np.nan)
+        in_bin = np.zeros(count, bool)
+        for truth in self.truth():
+            T_world_part[truth.instance] = truth.T_world_part
+            in_bin[truth.instance] = truth.in_bin
+        return {"T_world_part": T_world_part, "in_bin": in_bin}
