@@ -1,0 +1,258 @@
+"""``simpick/BinServo-v0``: one step is one control tick of 50 ms; the action is the TCP's velocity."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+from gymnasium.utils import EzPickle
+
+from simpick.assets.library import library_part_names
+from simpick.envs.bin_env import RENDER_MODES, BinEnv
+from simpick.envs.servo_spaces import (
+    IMAGES,
+    MAX_JOINT_RAD,
+    MAX_JOINT_SPEED_RAD_S,
+    SERVO_WORKSPACE,
+    ServoCommand,
+    decode_servo_action,
+    servo_action_space,
+    servo_observation_space,
+    servo_scene_config,
+)
+from simpick.errors import ConfigError, SimulationFaultError
+from simpick.geometry import transform
+from simpick.motion import GripperServo, Kinematics, MotionConfig, TwistServo
+from simpick.motion.monitor import Monitor
+from simpick.rendering.renderer import RenderQuality
+from simpick.rendering.scene_renderer import SceneRenderer
+from simpick.scene import SceneConfig
+from simpick.scene.robot import ARM_PREFIX
+
+TICK_HZ = 20
+"""Steps of the environment in a second of simulated time."""
+PERIODS_A_TICK = 5
+"""Joint commands in one tick."""
+DELIVERY_REWARD = 1.0
+"""For each part delivered."""
+COLLISION_COST = 0.01
+"""For each tick in which arm or gripper pressed on bin, chute or table above `MotionConfig.collision_force_n`."""
+FAST_IMAGES = RenderQuality(shadow_map_px=0, samples=0)
+"""Without shadows and anti-aliasing: a fifth of the cost on a software renderer."""
+_STILL_SPEED_M_S = 0.01
+
+
+class BinServoEnv(BinEnv, EzPickle):
+    """Steer the arm at 20 Hz: for reinforcement learning, imitation and teleoperation.
+
+    **Observation** (`Dict`): see `simpick.envs.servo_spaces.servo_observation_table`; images of the overhead and
+    wrist cameras (as chosen by `images`), joint positions and velocities, the TCP's pose, the gripper's opening or
+    its seal, and the number of parts left in the bin.
+
+    **Action** (`Box(-1, 1, (7,))`): the TCP's linear and angular velocity, in *world* axes and about the TCP, and the
+    gripper's rate: positive closes, negative opens. Zeros hold everything. See `servo_spaces.ACTION_TABLE` for the
+    scales. The velocity ramps linearly to the commanded one within the tick. Joint limits, joint speeds and the box
+    `SERVO_WORKSPACE` are kept: what cannot be followed is left out.
+
+    **Reward**: +1 for each part delivered (in the chute and let go of; it is then taken out of the scene), -0.01 for
+    each tick with a collision.
+
+    **Termination**: nothing is left to pick: no part is in the bin, in the gripper or in motion (``cleared``); or the
+    physics blew up (``simulation_fault``). **Truncation**: `max_ticks` steps.
+
+    **Info** (reset and step): ``is_success`` (every part was delivered, none was lost) and ``truth``, arrays for
+    evaluation only with a row for each instance, NaN once it is removed; after a step also ``delivered``, the
+    instances delivered in this tick, ``collision``, and ``ended``, why the episode ended, or "".
+
+    Rendering shows the `overview` camera: ``rgb_array`` the current frame, ``rgb_array_list`` every frame since the
+    last call (20 a second of simulated time).
+    """
+
+    metadata = {"render_modes": list(RENDER_MODES), "render_fps": TICK_HZ}  # noqa: RUF012
+
+    def __init__(
+        self,
+        parts: Sequence[str] = (),
+        count: int = 12,
+        gripper: Literal["jaw", "suction"] = "jaw",
+        randomization: str = "default",
+        images: Sequence[str] = IMAGES,
+        image_size: tuple[int, int] = (160, 120),
+        image_quality: RenderQuality = FAST_IMAGES,
+        max_ticks: int | None = 1200,
+        scene_config: SceneConfig | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        """Make the environment; nothing is simulated before `reset`.
+
+        `parts` are names or mesh files to draw the bin's `count` parts from (the whole library if empty). `images`
+        names the cameras in the observation; without any, nothing is rendered. `image_size` is (width, height).
+        `scene_config` sets every detail instead of `parts`, `count`, `gripper`, `randomization` and `image_size`.
+
+        Raises:
+            ConfigError, UnknownPartError, MeshError: the configuration or a part is not valid.
+        """
+        EzPickle.__init__(
+            self,
+            parts,
+            count,
+            gripper,
+            randomization,
+            images,
+            image_size,
+            image_quality,
+            max_ticks,
+            scene_config,
+            render_mode,
+        )
+        if isinstance(images, str) or not set(images) <= set(IMAGES) or len(set(images)) != len(images):
+            raise ConfigError(f"images must be distinct names out of {', '.join(IMAGES)}, or (), got {images!r}")
+        if max_ticks is not None and max_ticks < 1:
+            raise ConfigError(f"max_ticks must be 1 or more, got {max_ticks}")
+        pool = tuple(parts) or tuple(library_part_names())
+        config = scene_config or servo_scene_config(pool, count, gripper, randomization, image_size)
+        super().__init__(config, render_mode)
+        self.images = tuple(images)
+        self.observation_space = servo_observation_space(self.scene_config, self.images)
+        self.action_space = servo_action_space()
+        self._image_quality = image_quality
+        self._image_renderer: SceneRenderer | None = None
+        self._max_ticks = max_ticks
+        self._motion = MotionConfig()
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Fill a new bin; the arm stands at home with its gripper open. The same `seed` gives the same bin.
+
+        ``options={"scene_file": path}`` loads a scene saved by `Scene.save` instead.
+
+        Raises:
+            ConfigError: an option is unknown, or the loaded scene's observations would be others than this
+                environment's.
+        """
+        super().reset(seed=seed)
+        start = time.perf_counter()
+        scene = self._new_scene(seed, options)
+        if servo_observation_space(scene.config, self.images) != self.observation_space or scene.gripper is None:
+            self.close()
+            raise ConfigError(
+                "a loaded scene must have this environment's gripper and image sizes, got others;"
+                " make the environment with scene_config=Scene.load(path).config"
+            )
+        scene.go_home()
+        self._gripper = scene.gripper
+        self._image_renderer = SceneRenderer(scene, quality=self._image_quality)
+        joints = [scene.model.joint(ARM_PREFIX + name) for name in self.robot.joint_names]
+        self._qpos_adr = np.array([joint.qposadr[0] for joint in joints])
+        self._qvel_adr = np.array([joint.dofadr[0] for joint in joints])
+        self._actuators = np.array([scene.model.actuator(ARM_PREFIX + n).id for n in self.robot.joint_names])
+        self._tcp = scene.model.site(self._gripper.tcp_site).id
+        # A tick is whole simulation steps, as evenly spread over its periods as they go.
+        total = max(PERIODS_A_TICK, round(1.0 / (TICK_HZ * scene.model.opt.timestep)))
+        self._steps = np.diff(np.linspace(0, total, PERIODS_A_TICK + 1).astype(int)).tolist()
+        kinematics = Kinematics(self.robot, self._gripper.T_base_tcp)
+        self._arm_servo = TwistServo(kinematics, self.robot.home_qpos, self._motion.joint_speed_rad_s, SERVO_WORKSPACE)
+        self._gripper_servo = GripperServo(self._gripper)
+        self._monitor = Monitor(scene, self._motion)
+        self._ticks = 0
+        self.timings_s = {"simulate": time.perf_counter() - start}
+        self._observation = self._observe()
+        return self._copy_observation(), self._info()
+
+    def step(self, action: np.ndarray) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
+        """Move for one tick as `action` commands and look again.
+
+        Raises:
+            ConfigError: the action is not seven finite numbers, or `reset` has not been called.
+        """
+        command, scene = decode_servo_action(action), self.scene
+        start = time.perf_counter()
+        ended, peak_force_n = "", 0.0
+        delivered: tuple[int, ...] = ()
+        try:
+            peak_force_n = self._move(command)
+            touched = self._monitor.clinging()
+            delivered = tuple(k for k in scene.parts_in_chute() if k not in touched)
+            for instance in delivered:
+                scene.remove(instance)
+            ended = "" if self._work_left() else "cleared"
+        except SimulationFaultError:
+            ended = "simulation_fault"
+        self.timings_s = {"simulate": time.perf_counter() - start}
+        self._ticks += 1
+        if ended != "simulation_fault":
+            # A diverged state cannot be shown: its episode ends on what was seen last.
+            self._observation = self._observe()
+        collision = peak_force_n > self._motion.collision_force_n
+        reward = DELIVERY_REWARD * len(delivered) - COLLISION_COST * collision
+        truncated = not ended and self._max_ticks is not None and self._ticks >= self._max_ticks
+        info = self._info() | {
+            "delivered": delivered,
+            "collision": collision,
+            "ended": "max_ticks" if truncated else ended,
+        }
+        return self._copy_observation(), float(reward), bool(ended), truncated, info
+
+    def _move(self, command: ServoCommand) -> float:
+        """Simulate one tick and return the largest force on what never moves."""
+        scene = self.scene
+        model, data = scene.model, scene.data
+        periods_s = [steps * float(model.opt.timestep) for steps in self._steps]
+        moves = self._arm_servo.commands(command.twist_world, data.qpos[self._qpos_adr].copy(), periods_s)
+        peak_force_n = 0.0
+        for steps, period_s, (q, qd) in zip(self._steps, periods_s, moves, strict=True):
+            data.ctrl[self._actuators] = self.robot.servo_command(q, qd)
+            self._gripper_servo.command(model, data, command.gripper_rate, period_s)
+            scene.step(steps)
+            self._monitor.look()
+            peak_force_n = max(peak_force_n, self._monitor.fixed_force_n)
+            self._tick(scene)
+        return peak_force_n
+
+    def _work_left(self) -> bool:
+        """Return whether a part is in the bin, or elsewhere but held, touched or still moving."""
+        scene = self.scene
+        if scene.parts_in_bin():
+            return True
+        away = np.array([*scene.parts_elsewhere(), *scene.parts_in_chute()], int)
+        moving = self._monitor.part_speeds()[away] > _STILL_SPEED_M_S
+        return bool(moving.any() or np.isin(away, self._monitor.clinging()).any())
+
+    def _observe(self) -> dict[str, Any]:
+        start = time.perf_counter()
+        scene = self.scene
+        assert self._image_renderer is not None
+        observation: dict[str, Any] = {
+            name: self._image_renderer.capture(name, depth=False, instances=False).rgb for name in self.images
+        }
+        self.timings_s["render"] = time.perf_counter() - start
+        data = scene.data
+        q, qd = data.qpos[self._qpos_adr], data.qvel[self._qvel_adr]
+        observation["joint_positions"] = np.clip(q, -MAX_JOINT_RAD, MAX_JOINT_RAD).astype(np.float32)
+        observation["joint_velocities"] = np.clip(qd, -MAX_JOINT_SPEED_RAD_S, MAX_JOINT_SPEED_RAD_S).astype(np.float32)
+        T_world_tcp = transform(data.site_xmat[self._tcp].reshape(3, 3), data.site_xpos[self._tcp])
+        observation["T_world_tcp"] = T_world_tcp.astype(np.float32)
+        if self._gripper.kind == "jaw":
+            opening = np.clip(self._gripper.opening_m(scene.model, data), 0.0, self._gripper.max_opening_m)
+            observation["gripper_opening"] = np.array([opening], np.float32)
+        else:
+            sealed = bool(self._gripper.held_bodies(scene.model, data))
+            observation["suction_sealed"] = np.array([sealed], np.int8)
+        observation["remaining"] = np.int64(len(scene.parts_in_bin()))
+        return observation
+
+    def _copy_observation(self) -> dict[str, Any]:
+        return {key: value.copy() for key, value in self._observation.items()}
+
+    def _info(self) -> dict[str, Any]:
+        scene = self.scene
+        return {"is_success": len(scene.removed) == len(scene.instances), "truth": self._truth_arrays()}
+
+    def _release_scene(self) -> None:
+        if self._image_renderer is not None:
+            self._image_renderer.close()
+        self._image_renderer = None
+        super()._release_scene()
