@@ -1,0 +1,91 @@
+"""`PoseObservation`: adds estimated poses to the observation, so that an agent can learn from them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+
+from simpick.envs.bin_pick import BinPickEnv
+from simpick.envs.observations import frame_from_observation
+from simpick.envs.spaces import FAR_M, ObservationItem
+from simpick.errors import ConfigError
+from simpick.policies.perception import Percept, Perception
+from simpick.scene.config import MAX_PARTS
+
+MAX_SCORE = 1e6
+"""Scores are cut off at plus and minus this, for a space needs bounds; no shipped estimator comes near."""
+
+POSE_TABLE: tuple[ObservationItem, ...] = (
+    ObservationItem(
+        "estimated_poses",
+        "T_world_part of each estimate, in the order of `estimated_parts`; zeros pad",
+        "m",
+        spaces.Box(-FAR_M, FAR_M, (MAX_PARTS, 4, 4), np.float64),
+    ),
+    ObservationItem(
+        "estimated_parts",
+        "for each estimate the index of its part in `BinPickEnv.part_names`; -1 pads",
+        "",
+        spaces.Box(-1, MAX_PARTS - 1, (MAX_PARTS,), np.int16),
+    ),
+    ObservationItem(
+        "estimate_scores",
+        "the estimator's score of each estimate, higher is surer; zeros pad",
+        "",
+        spaces.Box(-MAX_SCORE, MAX_SCORE, (MAX_PARTS,), np.float32),
+    ),
+)
+"""What the wrapper adds to an observation."""
+
+
+class PoseObservation(gymnasium.ObservationWrapper):
+    """Runs perception on every observation of `simpick/BinPick-v0` and adds the poses that it estimates.
+
+    Estimates stand in the order of perception's answer, the detector's surest first; at most `MAX_PARTS` are kept.
+    Everything that the environment observes stays in place; `POSE_TABLE` lists what comes on top.
+    """
+
+    def __init__(self, env: gymnasium.Env, perception: Perception) -> None:
+        """Wrap `env` and onboard its parts, which may render templates.
+
+        Raises:
+            ConfigError: `env` is not a `BinPickEnv`, possibly wrapped, whose observation still has the camera's
+                image, depth and instances.
+        """
+        super().__init__(env)
+        if not isinstance(env.unwrapped, BinPickEnv):
+            raise ConfigError(
+                f"PoseObservation needs an environment simpick/BinPick-v0, got {type(env.unwrapped).__name__}"
+            )
+        needed = ("rgb", "depth", "segmentation", "camera_matrix", "T_world_camera")
+        observed = env.observation_space.spaces if isinstance(env.observation_space, spaces.Dict) else {}
+        missing = [key for key in needed if key not in observed]
+        if missing:
+            raise ConfigError(
+                f"PoseObservation needs the observations {', '.join(needed)}, but {', '.join(missing)} is missing;"
+                " wrap with it before wrappers that drop them"
+            )
+        self.perception = perception
+        self.parts = env.unwrapped.parts
+        self.percept: Percept | None = None
+        """What perception saw last, with timings: for recording; None before the first reset."""
+        self._index = {part.name: k for k, part in enumerate(self.parts)}
+        added = {item.key: item.space for item in POSE_TABLE}
+        self.observation_space = spaces.Dict({**observed, **added})
+        perception.onboard(self.parts)
+
+    def observation(self, observation: dict[str, Any]) -> dict[str, Any]:
+        """Return the observation with the estimated poses added."""
+        self.percept = self.perception.perceive(frame_from_observation(observation), self.parts)
+        estimates = self.percept.estimates[:MAX_PARTS]
+        poses, scores = np.zeros((MAX_PARTS, 4, 4)), np.zeros(MAX_PARTS, np.float32)
+        parts = np.full(MAX_PARTS, -1, np.int16)
+        for k, estimate in enumerate(estimates):
+            T_world_part = observation["T_world_camera"] @ estimate.T_camera_part
+            poses[k] = np.clip(T_world_part, -FAR_M, FAR_M)
+            parts[k] = self._index[estimate.part]
+            scores[k] = np.clip(estimate.score, -MAX_SCORE, MAX_SCORE)
+        return {**observation, "estimated_poses": poses, "estimated_parts": parts, "estimate_scores": scores}
