@@ -1,4 +1,4 @@
-"""A suction cup on a slim lance: a 15 mm bellows cup, 12 N of holding force, spring-loaded and slightly tiltable.
+"""A suction cup on a slim lance: a 12 mm bellows cup, 8 N of holding force, spring-loaded and slightly tiltable.
 
 Vacuum force comes from MuJoCo's adhesion actuator, spread over the contacts of eight rubber segments that form the
 lip. The actuator alone would hold on by a single touching segment, which no cup can: `SuctionGripper.grip` switches
@@ -19,18 +19,18 @@ from simpick.assets.grippers.base import GripperBoxes, largest_contact_force_n, 
 from simpick.assets.mjcf import COLLISION_GROUP, VISUAL_GROUP
 from simpick.geometry.transforms import transform
 
-CUP_RADIUS_M = 0.0075
+CUP_RADIUS_M = 0.006
 """Outer radius of the lip."""
-CUP_FORCE_N = 12.0
-"""Holding force of a sealed cup: 68 kPa of vacuum over the lip's area."""
-LIP_REACH_M = 0.0012
+CUP_FORCE_N = 8.0
+"""Holding force of a sealed cup: 70 kPa of vacuum over the lip's area."""
+LIP_REACH_M = 0.002
 """How far a lip segment stretches to an uneven surface and still seals."""
 CUP_DEPTH_M = 0.004
 """A surface deeper than this below the lip, inside of it, is a hole."""
 
 _SEGMENTS = 8
 _SEALING_SEGMENTS = 7
-_SEGMENT_RADIUS_M = 0.0014
+_SEGMENT_RADIUS_M = 0.001
 _TCP_Z_M = 0.205
 _BODY_RADIUS_M = 0.024
 _BODY_LENGTH_M = 0.085

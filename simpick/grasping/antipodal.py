@@ -1,0 +1,182 @@
+"""Jaw grasps on a CAD mesh: antipodal pairs, approach directions, depth, clearance and a first quality.
+
+A pair of surface points is antipodal if the line between them lies inside the friction cones of both (Nguyen 1988).
+Each pair gives a closing axis; approaches are spread around it, and for every way in which the part rests on a floor
+one is added that comes straight down on it. The grasp is then placed as deep as it goes without the fingertips
+reaching past the part or into that floor, centred on what the pads will really touch, and kept if the open fingers
+and the palm miss the part.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from simpick.assets.grippers.jaw import (
+    FINGER_THICKNESS_M,
+    JAW_STROKE_M,
+    PAD_ABOVE_TCP_M,
+    PAD_WIDTH_M,
+    TIP_BEYOND_TCP_M,
+    JawGripper,
+)
+from simpick.assets.part import Part
+from simpick.geometry.transforms import transform
+from simpick.grasping.boxes import points_in_boxes
+from simpick.grasping.part_surface import PartSurface
+from simpick.grasping.resting import resting_floors
+from simpick.grasping.selection import diverse, merged
+from simpick.records import Grasp
+
+
+@dataclass(frozen=True)
+class AntipodalConfig:
+    """How jaw grasps are sampled."""
+
+    seeds: int = 300
+    """Surface points from which pairs are sought."""
+    approaches: int = 12
+    """Approach directions around each closing axis."""
+    cone_deg: float = 20.0
+    """Largest angle between a pad's normal and the surface's: far inside the rubber's friction cone (47 deg)."""
+    level_deg: float = 35.0
+    """Largest slope of a closing axis over a floor that the part rests on."""
+    side_clearance_m: float = 0.004
+    """Free space that each opened finger must have towards the part itself."""
+    tip_margin_m: float = 0.0015
+    """How far the fingertips stay short of the part's far side, where the floor may be."""
+    least_overlap_m: float = 0.002
+    """Least depth of the contact inside the pad's tip."""
+    patch_depth_m: float = 0.0006
+    """Surface this close to a pad counts as touching it."""
+    least_patch_m2: float = 6e-6
+    """Least touching area on each side."""
+    candidates: int = 60
+    """How many diverse grasps are kept for verification, wherever they approach from."""
+    candidates_per_floor: int = 14
+    """And how many more for each way in which the part comes to rest."""
+    candidates_at_most: int = 150
+    """But not more than this."""
+    spacing_m: float = 0.009
+    """Least distance between two kept grasps (`simpick.grasping.selection.pose_distance`)."""
+
+
+def antipodal_candidates(part: Part, config: AntipodalConfig = AntipodalConfig()) -> list[Grasp]:
+    """Return diverse unverified jaw grasps, best first. Deterministic."""
+    surface = PartSurface(part)
+    rng = np.random.default_rng(0)
+    axes = _closing_axes(surface, config, rng)
+    angles = 2 * np.pi * np.arange(config.approaches) / config.approaches
+    anywhere = [_placed(surface, _frame(point, axis, angle), config) for point, axis in axes for angle in angles]
+    pools = [([g for g in anywhere if g is not None], config.candidates)]
+    for floor in resting_floors(part):
+        level = [(point, axis) for point, axis in axes if abs(axis @ floor[:3]) < np.sin(np.radians(config.level_deg))]
+        onto = [_placed(surface, _frame_onto(point, axis, floor[:3]), config, floor) for point, axis in level]
+        pools.append(([g for g in onto if g is not None], config.candidates_per_floor))
+    return merged(
+        [diverse(pool, part.symmetries, count=count, spacing_m=config.spacing_m) for pool, count in pools],
+        part.symmetries,
+        count=config.candidates_at_most,
+        spacing_m=0.5 * config.spacing_m,
+    )
+
+
+def _closing_axes(
+    surface: PartSurface, config: AntipodalConfig, rng: np.random.Generator
+) -> list[tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]]:
+    """Return (midpoint, unit axis) of antipodal pairs."""
+    cone = np.cos(np.radians(config.cone_deg))
+    found = []
+    for k in rng.choice(len(surface.points), min(config.seeds, len(surface.points)), replace=False):
+        point, normal = surface.points[k], surface.normals[k]
+        axis = -normal + rng.normal(scale=0.06, size=3)
+        axis /= np.linalg.norm(axis)
+        for distance, far_normal in surface.crossings(point + 1e-6 * axis, axis):
+            leaves = far_normal @ axis > cone and -normal @ axis > cone
+            if leaves and 0.001 < distance < JAW_STROKE_M - 2 * config.side_clearance_m:
+                found.append((point + 0.5 * distance * axis, axis))
+    return found
+
+
+def _frame(point: Float[np.ndarray, "3"], axis: Float[np.ndarray, "3"], angle: float) -> Float[np.ndarray, "4 4"]:
+    """Return T_part_tcp at `point` that closes along `axis` and approaches at `angle` around it."""
+    helper = np.eye(3)[np.argmin(np.abs(axis))]
+    u = np.cross(axis, helper)
+    u /= np.linalg.norm(u)
+    z = np.cos(angle) * u + np.sin(angle) * np.cross(axis, u)
+    return transform(np.stack([axis, np.cross(z, axis), z], axis=-1), point)
+
+
+def _frame_onto(
+    point: Float[np.ndarray, "3"], axis: Float[np.ndarray, "3"], up: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "4 4"]:
+    """Return T_part_tcp at `point` that closes along `axis` and comes down against `up` as straight as it can."""
+    z = axis * (axis @ up) - up
+    z /= np.linalg.norm(z)
+    return transform(np.stack([axis, np.cross(z, axis), z], axis=-1), point)
+
+
+def _placed(
+    surface: PartSurface,
+    T_part_tcp: Float[np.ndarray, "4 4"],
+    config: AntipodalConfig,
+    floor: Float[np.ndarray, "4"] | None = None,
+) -> Grasp | None:
+    """Return the grasp with depth and centre adapted to the part (and its floor), or None if it cannot work."""
+    R = T_part_tcp[:3, :3]
+    points = (surface.points - T_part_tcp[:3, 3]) @ R
+    normals = surface.normals @ R
+    beside = np.abs(points[:, 1]) < PAD_WIDTH_M / 2 + 0.001
+    if not beside.any():
+        return None
+    # Push in until the tips are level with the part's far side under the fingers, but not past the sampled contact.
+    far = points[beside & (np.abs(points[:, 0]) < JAW_STROKE_M / 2 + FINGER_THICKNESS_M), 2].max()
+    shift = min(0.0, far - config.tip_margin_m - TIP_BEYOND_TCP_M)
+    if floor is not None:
+        shift = min(shift, _shift_off_floor(T_part_tcp, np.ptp(points[beside, 0]), floor, config))
+    if -shift > TIP_BEYOND_TCP_M - config.least_overlap_m:
+        return None
+    points[:, 2] -= shift
+
+    reached = beside & (points[:, 2] > -PAD_ABOVE_TCP_M) & (points[:, 2] < TIP_BEYOND_TCP_M)
+    across = points[reached, 0]
+    lower, upper = across.min(), across.max()
+    width, centre = upper - lower, 0.5 * (lower + upper)
+    opening = width + 2 * config.side_clearance_m
+    if opening > JAW_STROKE_M:
+        return None
+    points[:, 0] -= centre
+    touching = reached & (np.abs(points[:, 1]) < PAD_WIDTH_M / 2)
+    cone = np.cos(np.radians(config.cone_deg))
+    depth = config.patch_depth_m
+    left = touching & (points[:, 0] < -width / 2 + depth) & (normals[:, 0] < -cone)
+    right = touching & (points[:, 0] > width / 2 - depth) & (normals[:, 0] > cone)
+    patch = surface.area_per_point_m2 * min(left.sum(), right.sum())
+    if patch < config.least_patch_m2:
+        return None
+    if points_in_boxes(points, JawGripper().boxes(opening)).any():
+        return None
+
+    left_centre, right_centre = points[left].mean(axis=0), points[right].mean(axis=0)
+    skew = float(np.linalg.norm((left_centre - right_centre)[1:]))
+    if skew > 0.006:
+        return None
+    local_com = (surface.centre_of_mass_m - T_part_tcp[:3, 3]) @ R - np.array([centre, 0.0, shift])
+    lever = float(np.linalg.norm((local_com - 0.5 * (left_centre + right_centre))[1:]))
+    quality = np.exp(-lever / 0.03) * (0.4 + 0.6 * min(1.0, patch / 60e-6)) * np.exp(-skew / 0.006)
+    T = T_part_tcp.copy()
+    T[:3, 3] += R @ np.array([centre, 0.0, shift])
+    return Grasp(T, float(width), "jaw", float(quality))
+
+
+def _shift_off_floor(
+    T_part_tcp: Float[np.ndarray, "4 4"], width_m: float, floor: Float[np.ndarray, "4"], config: AntipodalConfig
+) -> float:
+    """Return how far along the approach (negative: back) the lowest corner of the open fingers just clears a floor."""
+    x = min(width_m, JAW_STROKE_M) / 2 + config.side_clearance_m + FINGER_THICKNESS_M
+    corners = np.array([[sx * x, sy * PAD_WIDTH_M / 2, TIP_BEYOND_TCP_M] for sx in (-1, 1) for sy in (-1, 1)])
+    heights = (corners @ T_part_tcp[:3, :3].T + T_part_tcp[:3, 3]) @ floor[:3] - floor[3]
+    descent = -float(T_part_tcp[:3, 2] @ floor[:3])
+    return float((heights.min() - config.tip_margin_m) / descent)

@@ -1,0 +1,220 @@
+"""From estimated poses to an ordered list of grasps in the world: what can be gripped, and what best."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from jaxtyping import Float
+
+from simpick.assets.grippers import Gripper, JawGripper, SuctionGripper
+from simpick.assets.grippers.jaw import PAD_ABOVE_TCP_M, PAD_WIDTH_M, TIP_BEYOND_TCP_M
+from simpick.assets.part import Part
+from simpick.errors import ConfigError
+from simpick.geometry.transforms import transform_points
+from simpick.grasping.boxes import box_surface_points, points_in_boxes, swept_back
+from simpick.grasping.exposure import exposures
+from simpick.grasping.failure_memory import FailureMemory
+from simpick.grasping.part_grasps import jaw_grasps, suction_grasps
+from simpick.grasping.store import Kind
+from simpick.records import Grasp
+from simpick.scene.config import BinConfig
+from simpick.scene.workspace import bin_interior
+
+_SURFACE_POINTS = 700
+
+
+@dataclass(frozen=True)
+class PlannerConfig:
+    """What a grasp in the world must fulfil, and what makes one better than another."""
+
+    largest_tilt_deg: float = 50.0
+    """Largest angle between the approach and straight down; suction keeps within two thirds of it."""
+    wall_clearance_m: float = 0.003
+    """Free space between the gripper and the bin's walls."""
+    floor_clearance_m: float = 0.0008
+    """Free space between the fingertips and the bin's floor."""
+    part_clearance_m: float = 0.001
+    """Free space between the gripper and every other part."""
+    side_clearances_m: tuple[float, ...] = (0.006, 0.003)
+    """Free space between each open finger and the target; a later entry only where an earlier one does not fit."""
+    approach_m: float = 0.08
+    """Length of the straight approach that must be free."""
+    grasps_per_target: int = 6
+    """At most this many grasps of one part are returned, so that the next choice may be another part."""
+    tries_per_target: int = 150
+    """At most this many of a part's best-scored grasps are tested for collisions."""
+
+    def __post_init__(self) -> None:
+        if not 0 < self.largest_tilt_deg <= 90:
+            raise ConfigError(f"largest_tilt_deg must be in (0, 90], got {self.largest_tilt_deg}")
+        if not self.side_clearances_m or min(self.side_clearances_m) < 0:
+            raise ConfigError(f"side_clearances_m must hold values of at least 0, got {self.side_clearances_m}")
+        if self.grasps_per_target < 1 or self.tries_per_target < 1:
+            raise ConfigError(
+                "grasps_per_target and tries_per_target must be at least 1, got "
+                f"{self.grasps_per_target} and {self.tries_per_target}"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class WorldGrasp:
+    """A grasp of one estimated part, in the world."""
+
+    T_world_tcp: Float[np.ndarray, "4 4"]
+    """TCP at the grasp; the jaw's half turn and the cup's free turn about z are left to the motion planner."""
+    grasp: Grasp
+    target: int
+    """Index of the part among those given to `GraspPlanner.plan`."""
+    opening_m: float
+    """Opening of the jaw on the way in; 0 for suction."""
+    quality: float
+    """What the list is ordered by, in [0, 1]."""
+    exposure: float
+    """Share of the target that no other part covers."""
+
+
+class GraspPlanner:
+    """Filters and ranks grasps of one gripper in one bin. Holds the parts' grasps and surface points."""
+
+    def __init__(self, kind: Kind, bin: BinConfig, config: PlannerConfig | None = None) -> None:
+        if kind not in ("jaw", "suction"):
+            raise ConfigError(f"gripper must be 'jaw' or 'suction', got {kind!r}")
+        self.kind, self.config = kind, config or PlannerConfig()
+        self.gripper: Gripper = JawGripper() if kind == "jaw" else SuctionGripper()
+        interior = bin_interior(bin)
+        self._lower, self._upper = np.array(interior.lower_m), np.array(interior.upper_m)
+        self._grasps: dict[str, tuple[list[Grasp], Float[np.ndarray, "n 4 4"]]] = {}
+        self._points: dict[str, Float[np.ndarray, "n 3"]] = {}
+
+    def prepare(self, part: Part) -> None:
+        """Load (or sample, verify and store) the part's grasps; `plan` does it where this has not been done."""
+        if part.content_hash not in self._grasps:
+            grasps = jaw_grasps(part) if self.kind == "jaw" else suction_grasps(part)
+            Ts = np.stack([g.T_part_tcp for g in grasps]) if grasps else np.zeros((0, 4, 4))
+            self._grasps[part.content_hash] = grasps, Ts
+            points = trimesh.sample.sample_surface(part.mesh, _SURFACE_POINTS, seed=0)[0]
+            self._points[part.content_hash] = np.asarray(points, float)
+
+    def plan(
+        self,
+        parts: Sequence[Part],
+        Ts_world_part: Sequence[Float[np.ndarray, "4 4"]],
+        *,
+        scores: Sequence[float] | None = None,
+        memory: FailureMemory | None = None,
+    ) -> list[WorldGrasp]:
+        """Return the grasps that can be carried out, best first; an empty list if there are none.
+
+        `parts[k]` is estimated at `Ts_world_part[k]`, with a confidence `scores[k]` in [0, 1] if given. Every part is
+        an obstacle to the others. Reach is not looked at.
+        """
+        for part in parts:
+            self.prepare(part)
+        clouds = [
+            transform_points(T, self._points[part.content_hash]) for part, T in zip(parts, Ts_world_part, strict=True)
+        ]
+        open_share = exposures(clouds)
+        top = max((float(cloud[:, 2].max()) for cloud in clouds), default=0.0)
+        found: list[WorldGrasp] = []
+        for k, part in enumerate(parts):
+            others = np.concatenate([c for j, c in enumerate(clouds) if j != k] or [np.zeros((0, 3))])
+            # Lower parts come later: what lies on top is never pulled out from under something.
+            height = np.exp(-(top - float(clouds[k][:, 2].max())) / 0.08)
+            weight = (0.1 + 0.9 * open_share[k] ** 2) * (0.6 + 0.4 * height)
+            if scores is not None:
+                weight *= float(np.clip(scores[k], 0.0, 1.0))
+            found += self._of_target(k, part, Ts_world_part[k], others, float(weight), float(open_share[k]), memory)
+        return sorted(found, key=lambda g: (-g.quality, g.target))
+
+    def _of_target(
+        self,
+        target: int,
+        part: Part,
+        T_world_part: Float[np.ndarray, "4 4"],
+        others: Float[np.ndarray, "n 3"],
+        weight: float,
+        exposure: float,
+        memory: FailureMemory | None,
+    ) -> list[WorldGrasp]:
+        """Return up to `grasps_per_target` feasible grasps of one part."""
+        config = self.config
+        grasps, Ts_part_tcp = self._grasps[part.content_hash]
+        Ts_world_tcp = T_world_part @ Ts_part_tcp
+        descent = -Ts_world_tcp[:, 2, 2]
+        limit = config.largest_tilt_deg * (1.0 if self.kind == "jaw" else 2 / 3)
+        scores = weight * np.array([g.quality for g in grasps]) * np.clip(descent, 0, 1) ** 2
+        if memory is not None:
+            scores = scores * memory.factors(part.name, T_world_part, Ts_world_tcp)
+        usable = np.flatnonzero(descent > np.cos(np.radians(limit)))
+        order = usable[np.argsort(-scores[usable], kind="stable")][: config.tries_per_target]
+        near = others[np.linalg.norm(others - T_world_part[:3, 3], axis=-1) < 0.3]
+        found: list[WorldGrasp] = []
+        for index in order:
+            for choice, clearance in enumerate(config.side_clearances_m):
+                opening = 0.0
+                if self.kind == "jaw":
+                    opening = min(grasps[index].width_m + 2 * clearance, self.gripper.max_opening_m)
+                if self.is_free(Ts_world_tcp[index], opening, near):
+                    quality = float(scores[index]) * 0.8**choice
+                    found.append(WorldGrasp(Ts_world_tcp[index], grasps[index], target, opening, quality, exposure))
+                    break
+                if self.kind == "suction":
+                    break
+            if len(found) == config.grasps_per_target:
+                break
+        return found
+
+    def is_free(
+        self, T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float, obstacles: Float[np.ndarray, "n 3"]
+    ) -> bool:
+        """Return whether the open gripper and its straight approach clear the bin and points on other parts."""
+        boxes = self.gripper.boxes(opening_m)
+        return self._clears_bin(T_world_tcp, boxes) and self._clears_parts(T_world_tcp, boxes, opening_m, obstacles)
+
+    def _clears_bin(self, T_world_tcp: Float[np.ndarray, "4 4"], boxes: Float[np.ndarray, "boxes 2 3"]) -> bool:
+        config = self.config
+        body = transform_points(T_world_tcp, box_surface_points(boxes))
+        floor = config.floor_clearance_m if self.kind == "jaw" else 0.0
+        if body[:, 2].min() < floor:
+            return False
+        for back in (0.0, 0.5 * config.approach_m, config.approach_m):
+            points = body - back * T_world_tcp[:3, 2]
+            low = points[points[:, 2] < self._upper[2] + config.wall_clearance_m, :2]
+            inside = (low > self._lower[:2] + config.wall_clearance_m) & (
+                low < self._upper[:2] - config.wall_clearance_m
+            )
+            if not inside.all():
+                return False
+        return True
+
+    def _clears_parts(
+        self,
+        T_world_tcp: Float[np.ndarray, "4 4"],
+        boxes: Float[np.ndarray, "boxes 2 3"],
+        opening_m: float,
+        obstacles: Float[np.ndarray, "n 3"],
+    ) -> bool:
+        config = self.config
+        points = (obstacles - T_world_tcp[:3, 3]) @ T_world_tcp[:3, :3]
+        # A quick look first: most points lie below the fingertips or far to the side.
+        reach = 0.08
+        points = points[(points[:, 2] < TIP_BEYOND_TCP_M + 0.002) & (np.abs(points[:, :2]).max(axis=1) < reach)]
+        if not len(points):
+            return True
+        if points_in_boxes(points, swept_back(boxes, config.approach_m), config.part_clearance_m).any():
+            return False
+        if self.kind == "suction":
+            return True
+        # Nor may another part lie between the pads: it would be carried along, or keep them from closing.
+        between = np.array(
+            [
+                [
+                    [-opening_m / 2, -PAD_WIDTH_M / 2, -PAD_ABOVE_TCP_M],
+                    [opening_m / 2, PAD_WIDTH_M / 2, TIP_BEYOND_TCP_M],
+                ]
+            ]
+        )
+        return not points_in_boxes(points, between).any()

@@ -1,0 +1,36 @@
+"""How a part comes to rest on a floor: the directions from which a gripper will have to come."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+from jaxtyping import Float
+
+from simpick.assets.part import Part
+
+_COVERED = 0.97
+_MOST_POSES = 24
+_SAME_COSINE = np.cos(np.radians(10.0))
+
+
+def resting_floors(part: Part) -> Float[np.ndarray, "poses 4"]:
+    """Return floor planes (n, d) in the part frame, likeliest first: points p of the part fulfil n . p >= d.
+
+    n points up. Poses that a symmetry of the part maps onto each other count once, as do those of a round side that
+    differ by less than 10 degrees. The least likely three per cent of throws are left out.
+    """
+    Ts_world_part, shares = trimesh.poses.compute_stable_poses(part.mesh, sigma=0.0, n_samples=1, threshold=0.0)
+    group = part.symmetries.transforms(24)[:, :3, :3]
+    floors: list[Float[np.ndarray, "4"]] = []
+    seen = np.zeros((0, 3))
+    covered = 0.0
+    for T, share in zip(Ts_world_part, shares, strict=True):
+        up = T[2, :3]
+        # Mirror poses have equal shares: their order must not hang on the last bit, so nothing is sorted here.
+        if not (len(seen) and (seen @ up > _SAME_COSINE).any()):
+            floors.append(np.append(up, float((part.mesh.vertices @ up).min())))
+            seen = np.concatenate([seen, group @ up])
+        covered += float(share)
+        if covered > _COVERED * float(np.sum(shares)) or len(floors) == _MOST_POSES:
+            break
+    return np.stack(floors) if floors else np.zeros((0, 4))

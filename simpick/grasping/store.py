@@ -1,0 +1,98 @@
+"""Where verified grasps are kept: shipped with the package for library parts, cached on disk for all others."""
+
+from __future__ import annotations
+
+from dataclasses import astuple
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+import simpick.assets
+from simpick.assets.grippers import JawGripper, SuctionGripper
+from simpick.assets.part import Part
+from simpick.caching import atomic_path, cache_dir, cache_key
+from simpick.geometry.transforms import matrix_from_quaternion, quaternion_from_matrix, transform
+from simpick.grasping.antipodal import AntipodalConfig
+from simpick.grasping.suction_sampling import SuctionConfig
+from simpick.grasping.verification import SUCTION_VERIFICATION, VerificationConfig
+from simpick.records import Grasp
+
+GRASP_VERSION = 1
+"""Raise it when grippers, sampling or verification change such that stored grasps no longer hold."""
+
+Kind = Literal["jaw", "suction"]
+
+
+def recipe(kind: Kind) -> str:
+    """Return a key of everything but the part that verified grasps depend on."""
+    if kind == "jaw":
+        terms = (JawGripper().boxes(0.04), astuple(AntipodalConfig()), astuple(VerificationConfig()))
+    else:
+        terms = (SuctionGripper().boxes(0.0), astuple(SuctionConfig()), astuple(SUCTION_VERIFICATION))
+    return cache_key(GRASP_VERSION, kind, np.round(terms[0], 6).tobytes(), repr(terms[1:]))
+
+
+def shape_signature(part: Part) -> Float[np.ndarray, "13"]:
+    """Return extents, mass, centre of mass and inertia in mm and grams: equal to a part in a thousand is equal.
+
+    Shipped grasps are recognised by it rather than by `Part.content_hash`, which changes with the last bit of a
+    vertex and so with the version of the geometry library that builds the part.
+    """
+    inertia = np.asarray(part.mesh.moment_inertia)[np.triu_indices(3)] * part.density_kg_m3 * 1e9
+    centre = np.asarray(part.mesh.center_mass) * 1e3
+    return np.concatenate([part.extents_m * 1e3, [part.mass_kg * 1e3], centre, inertia])
+
+
+def shipped_path(part_name: str, kind: Kind) -> Path:
+    """Return the file that ships with the package for this part, whether or not it exists."""
+    return Path(simpick.assets.__path__[0]) / "grasps" / f"{part_name}_{kind}.npz"
+
+
+def cached_path(part: Part, kind: Kind) -> Path:
+    """Return the cache's file for this part."""
+    return cache_dir() / "grasps" / f"{part.content_hash}-{recipe(kind)}.npz"
+
+
+def load_grasps(part: Part, kind: Kind) -> list[Grasp] | None:
+    """Return the stored grasps of `part`, or None if there are none that fit it."""
+    shipped = shipped_path(part.name, kind)
+    if shipped.exists():
+        grasps = _read(shipped, kind, part)
+        if grasps is not None:
+            return grasps
+    cached = cached_path(part, kind)
+    return _read(cached, kind, part) if cached.exists() else None
+
+
+def save_grasps(path: Path, part: Part, kind: Kind, grasps: list[Grasp]) -> None:
+    """Write grasps to `path` in one step. Raises `OutputError` where that folder cannot be written."""
+    Ts = np.stack([g.T_part_tcp for g in grasps]) if grasps else np.zeros((0, 4, 4))
+    content = {
+        "recipe": np.array(recipe(kind)),
+        "signature": shape_signature(part),
+        "position_m": Ts[:, :3, 3].astype(np.float32),
+        "quaternion": quaternion_from_matrix(Ts[:, :3, :3]).astype(np.float32),
+        "width_m": np.array([g.width_m for g in grasps], np.float32),
+        "quality": np.array([g.quality for g in grasps], np.float32),
+    }
+    with atomic_path(path) as temporary:
+        np.savez_compressed(temporary, **content)
+
+
+def _read(path: Path, kind: Kind, part: Part) -> list[Grasp] | None:
+    """Return the file's grasps, or None if it is damaged, of another recipe or of another shape."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            fits = str(file["recipe"]) == recipe(kind)
+            signature = shape_signature(part)
+            tolerance = 1e-3 * np.abs(signature) + 0.01
+            fits = fits and bool((np.abs(file["signature"] - signature) < tolerance).all())
+            if not fits:
+                return None
+            Ts = transform(matrix_from_quaternion(file["quaternion"]), np.asarray(file["position_m"], float))
+            rows = zip(Ts, file["width_m"], file["quality"], strict=True)
+            return [Grasp(T, float(width), kind, float(quality)) for T, width, quality in rows]
+    except (OSError, ValueError, KeyError, EOFError):
+        return None
