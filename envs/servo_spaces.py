@@ -12,6 +12,7 @@ from jaxtyping import Float
 from simpick.assets.grippers import JAW_STROKE_M
 from simpick.envs.spaces import FAR_M, ObservationItem, markdown_table
 from simpick.errors import ConfigError
+from simpick.motion.gripper_servo import JAW_SPEED_M_S
 from simpick.scene import SceneConfig
 from simpick.scene.config import MAX_PARTS, CameraConfig
 from simpick.scene.workspace import Box
@@ -32,7 +33,7 @@ MAX_JOINT_SPEED_RAD_S = 10.0
 ACTION_TABLE = (
     ("0-2", "linear velocity of the TCP along world x, y, z", f"{MAX_LINEAR_SPEED_M_S} m/s"),
     ("3-5", "angular velocity about world x, y, z, turning about the TCP", f"{MAX_ANGULAR_SPEED_RAD_S:.4f} rad/s"),
-    ("6", "gripper: positive closes or switches the vacuum on, negative opens or off, 0 holds", "0.17 m/s"),
+    ("6", "gripper: positive closes or switches the vacuum on, negative opens or off, 0 holds", f"{JAW_SPEED_M_S} m/s"),
 )
 """Elements of an action, their meaning, and what 1 stands for. An action of zeros holds arm and gripper."""
 

@@ -17,7 +17,7 @@ MAX_LEAD_RAD = 0.03
 bounded force and turns back at once."""
 
 MAX_ACCELERATION_RAD_S2 = 25.0
-"""Of every joint's command: enough to turn from full speed back to full speed within a tick or two."""
+"""Of every joint's command: over the bin, a TCP at 0.25 m/s can turn back within one tick of 50 ms."""
 
 _SOLVER = "daqp"
 # Next to the squared singular values of the Jacobian, 0.01 and more away from singularities.
