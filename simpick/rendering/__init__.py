@@ -20,6 +20,7 @@ from simpick.rendering.templates import TemplateConfig as TemplateConfig
 from simpick.rendering.templates import TemplateSet as TemplateSet
 from simpick.rendering.templates import load_templates as load_templates
 from simpick.rendering.templates import render_templates as render_templates
+from simpick.rendering.templates import template_path as template_path
 from simpick.rendering.view_sphere import look_at_part as look_at_part
 from simpick.rendering.view_sphere import turn_in_plane as turn_in_plane
 from simpick.rendering.view_sphere import view_directions as view_directions

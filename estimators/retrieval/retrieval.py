@@ -1,0 +1,167 @@
+"""`RetrievalEstimator`: the pose of the template that looks most like the image. No training, no weights."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+
+from simpick.assets.part import Part
+from simpick.errors import ConfigError, UnknownNameError
+from simpick.estimators.retrieval.descriptors import CROP_PX, describe, luminance
+from simpick.estimators.retrieval.template_index import Matches, TemplateIndex, load_index
+from simpick.estimators.retrieval.turned_crops import PADDING
+from simpick.geometry import VirtualCameras, crop_images, transform
+from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
+from simpick.rendering import TemplateConfig
+
+
+@dataclass(frozen=True)
+class RetrievalConfig:
+    """How templates are made and searched."""
+
+    views: int = 162
+    """Directions of the templates on the view sphere: 42, 162 or 642."""
+    turns: int = 36
+    """Turns of each view about the optical axis."""
+    hypotheses: int = 5
+    """How many poses are returned for each detection, best first."""
+    spacing_deg: float = 15.0
+    """Least angle between two hypotheses, over the part's symmetries."""
+    smoothing_deg: float = 35.0
+    """A hypothesis is averaged over the templates within this angle."""
+    softness: float = 0.03
+    """How much less alike than the best a template may be to count for a third in that average."""
+    min_mask_px: int = 16
+    """Detections with fewer pixels are not answered."""
+
+    def __post_init__(self) -> None:
+        TemplateConfig(views=self.views)
+        if not 4 <= self.turns <= 360:
+            raise ConfigError(f"turns must be between 4 and 360, got {self.turns}")
+        if not 1 <= self.hypotheses <= 200:
+            raise ConfigError(f"hypotheses must be between 1 and 200, got {self.hypotheses}")
+        if not 0 <= self.spacing_deg <= 90:
+            raise ConfigError(f"spacing_deg must be between 0 and 90, got {self.spacing_deg}")
+        if not 0 <= self.smoothing_deg <= 90:
+            raise ConfigError(f"smoothing_deg must be between 0 (none) and 90, got {self.smoothing_deg}")
+        if not self.softness > 0:
+            raise ConfigError(f"softness must be above 0, got {self.softness}")
+        if self.min_mask_px < 2:
+            raise ConfigError(f"min_mask_px must be 2 or more, got {self.min_mask_px}")
+
+
+class RetrievalEstimator:
+    """Finds each detection's nearest templates among all views and turns. Implements `PoseEstimator`.
+
+    Image and templates are compared in virtual-camera crops (see `simpick.geometry.crops`), so the match is a pose in
+    the crop's frame; its distance follows from how large the crop's box is. Where a part is partly hidden, the box is
+    that of what is seen, and distance and position are off accordingly.
+    """
+
+    mode = "retrieval"
+
+    def __init__(self, config: RetrievalConfig | None = None) -> None:
+        self.config = config or RetrievalConfig()
+        self._indices: dict[str, tuple[str, TemplateIndex]] = {}
+
+    def onboard(self, part: Part, *, progress: Callable[[int, int], None] | None = None) -> None:
+        """Render and describe the part's templates, or take them from the cache: seconds, or a tenth of one."""
+        known = self._indices.get(part.name)
+        if known is None or known[0] != part.content_hash:
+            index = load_index(part, TemplateConfig(views=self.config.views), self.config.turns, progress=progress)
+            self._indices[part.name] = (part.content_hash, index)
+
+    def estimate(self, frame: CameraFrame, detections: Sequence[Detection]) -> list[PoseEstimate]:
+        """Return the best pose of each detection, with hypotheses.
+
+        A detection has no estimate if its mask has fewer than `RetrievalConfig.min_mask_px` pixels, or its box is
+        outside the image. Where it has a mask, the box is taken from that; where it has none, the whole box counts.
+
+        Raises:
+            UnknownNameError: a detection's part has not been onboarded.
+            ConfigError: a mask has another size than the image.
+        """
+        start = time.perf_counter()
+        for detection in detections:
+            if detection.part not in self._indices:
+                raise UnknownNameError(
+                    "onboarded part", detection.part, self._indices, "Call onboard(part) before estimate()."
+                )
+        answered = [(d, *_mask_and_box(d, frame)) for d in detections]
+        answered = [(d, mask, box) for d, mask, box in answered if self._can_answer(mask, box)]
+        if not answered:
+            return []
+        kept, masks, boxes = (list(column) for column in zip(*answered, strict=True))
+        crops = crop_images(frame.rgb, frame.camera, np.stack(boxes), CROP_PX, masks=masks, padding=PADDING)
+        assert crops.masks is not None
+        with torch.inference_mode():
+            queries = describe(luminance(torch.from_numpy(crops.rgb)), torch.from_numpy(crops.masks))
+        found: dict[int, tuple[PoseHypothesis, ...]] = {}
+        for part in dict.fromkeys(d.part for d in kept):
+            rows = [i for i, d in enumerate(kept) if d.part == part]
+            matches = self._search(part, queries[rows])
+            found.update(zip(rows, _hypotheses(matches, crops.cameras, rows), strict=True))
+        elapsed_s = (time.perf_counter() - start) / len(kept)
+        return [
+            PoseEstimate(
+                d.part, found[i][0].T_camera_part, found[i][0].score, self.mode, elapsed_s, found[i], detection=d
+            )
+            for i, d in enumerate(kept)
+        ]
+
+    def _search(self, part: str, queries: torch.Tensor) -> Matches:
+        config = self.config
+        return self._indices[part][1].search(
+            queries,
+            config.hypotheses,
+            spacing_rad=np.radians(config.spacing_deg),
+            smoothing_rad=np.radians(config.smoothing_deg),
+            softness=config.softness,
+        )
+
+    def _can_answer(self, mask: Bool[np.ndarray, "height width"] | None, box: Float[np.ndarray, "4"]) -> bool:
+        if mask is None or np.count_nonzero(mask) < self.config.min_mask_px:
+            return False
+        # A line of pixels has no shape, and no crop.
+        return bool((box[2:] - box[:2] >= 2).all())
+
+
+def _mask_and_box(
+    detection: Detection, frame: CameraFrame
+) -> tuple[Bool[np.ndarray, "height width"] | None, Float[np.ndarray, "4"]]:
+    """Return a detection's mask, None if it has nothing in the image, and the box around the mask."""
+    height, width = frame.rgb.shape[:2]
+    mask = detection.mask
+    if mask is None:
+        mask = np.zeros((height, width), bool)
+        box = np.asarray(detection.box_xyxy_px, float)
+        if not np.isfinite(box).all():
+            return None, box
+        x1, y1, x2, y2 = np.clip(np.rint(box), 0, [width, height, width, height]).astype(int)
+        mask[y1:y2, x1:x2] = True
+    elif mask.shape != (height, width):
+        raise ConfigError(
+            f"mask must have the image's size {width} x {height} px, got {mask.shape[1]} x {mask.shape[0]}"
+        )
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if len(rows) == 0:
+        return None, np.zeros(4)
+    return mask, np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], float)
+
+
+def _hypotheses(matches: Matches, cameras: VirtualCameras, rows: Sequence[int]) -> list[tuple[PoseHypothesis, ...]]:
+    """Return the matches as poses in the image's own camera."""
+    translations = matches.centres.copy()
+    translations[..., 2] *= cameras.focal_px[rows, None]
+    Ts_crop_part = transform(matches.Rs_crop_part, translations)
+    Rs_camera_crop = np.swapaxes(cameras.Rs_crop_camera[rows], 1, 2)
+    Ts_camera_part = transform(Rs_camera_crop)[:, None] @ Ts_crop_part
+    return [
+        tuple(PoseHypothesis(T, float(score)) for T, score in zip(Ts, scores, strict=True))
+        for Ts, scores in zip(Ts_camera_part, matches.scores, strict=True)
+    ]
