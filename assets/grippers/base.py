@@ -2,7 +2,7 @@
 
 Frames: the gripper's *base* sits on the arm's flange with +z pointing away from the arm; the TCP frame (site
 ``gripper/tcp``) has the same axes, shifted along +z, so +z approaches and the jaw closes along x. The TCP is rigid
-with the base: neither finger motion nor the suction cup's spring moves it.
+with the base: neither finger motion nor the suction head's spring moves it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ GripperBoxes: TypeAlias = Float[np.ndarray, "boxes 2 3"]
 
 @runtime_checkable
 class Gripper(Protocol):
-    """A gripper in a MuJoCo model: names, extent, and the commands that write its controls.
+    """A gripper in a MuJoCo model: names, extent, and the commands that write its controls (or its contacts' adhesion).
 
     Every method takes model and data, so that one frozen record serves any number of scenes.
     """
@@ -36,12 +36,12 @@ class Gripper(Protocol):
 
     @property
     def actuators(self) -> tuple[str, ...]:
-        """Return the names of the actuators."""
+        """Return the names of the actuators; none for suction."""
         ...
 
     @property
     def contact_geoms(self) -> tuple[str, ...]:
-        """Return the geoms that hold a part: the rubber pads or the cup's lip."""
+        """Return the geoms that hold a part: the rubber pads or the suction head's cells."""
         ...
 
     @property
@@ -61,7 +61,7 @@ class Gripper(Protocol):
 
     @property
     def press_m(self) -> float:
-        """Return how far past first contact the TCP should go, so that a compliant cup seals; 0 for the jaw."""
+        """Return how far past first contact the TCP should go to lay the suction face on; 0 for the jaw."""
         ...
 
     def boxes(self, opening_m: float) -> GripperBoxes:
@@ -77,11 +77,11 @@ class Gripper(Protocol):
         ...
 
     def grip(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Command the jaw to close with its full force, or the vacuum on (if the lip seals)."""
+        """Command the jaw to close with its full force, or the vacuum on (if anything covers it)."""
         ...
 
     def maintain(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Keep a commanded grip honest; call it at least every 20 ms: the vacuum is lost where the seal is."""
+        """Keep a commanded grip honest; call it at least every 20 ms: the vacuum follows the covered cells."""
         ...
 
     def opening_m(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:
@@ -89,7 +89,7 @@ class Gripper(Protocol):
         ...
 
     def held_bodies(self, model: mujoco.MjModel, data: mujoco.MjData) -> tuple[int, ...]:
-        """Return ids of the bodies that the gripper holds now: between both pads, or sealed under the vacuum."""
+        """Return ids of the bodies that the gripper holds now: between both pads, or under the vacuum."""
         ...
 
     def contact_force_n(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:

@@ -35,7 +35,7 @@ from simpick.records import Grasp
 class AntipodalConfig:
     """How jaw grasps are sampled."""
 
-    seeds: int = 300
+    seeds: int = 500
     """Surface points from which pairs are sought."""
     approaches: int = 12
     """Approach directions around each closing axis."""
@@ -55,11 +55,11 @@ class AntipodalConfig:
     """Least touching area on each side."""
     candidates: int = 60
     """How many diverse grasps are kept for verification, wherever they approach from."""
-    candidates_per_floor: int = 14
+    candidates_per_floor: int = 40
     """And how many more for each way in which the part comes to rest."""
-    candidates_at_most: int = 150
+    candidates_at_most: int = 320
     """But not more than this."""
-    spacing_m: float = 0.009
+    spacing_m: float = 0.006
     """Least distance between two kept grasps (`simpick.grasping.selection.pose_distance`)."""
 
 

@@ -31,9 +31,12 @@ class PlannerConfig:
     """What a grasp in the world must fulfil, and what makes one better than another."""
 
     largest_tilt_deg: float = 50.0
-    """Largest angle between the approach and straight down; suction keeps within two thirds of it."""
-    wall_clearance_m: float = 0.003
+    """Largest angle between the approach and straight down."""
+    wall_clearance_m: float = 0.0015
     """Free space between the gripper and the bin's walls."""
+    most_back_off_m: float = 0.006
+    """A jaw grasp whose fingertips would meet the floor is drawn back along its approach, by this much at most: its
+    contacts move towards the tips, which reach 10 mm beyond the TCP."""
     floor_clearance_m: float = 0.0008
     """Free space between the fingertips and the bin's floor."""
     part_clearance_m: float = 0.001
@@ -44,7 +47,7 @@ class PlannerConfig:
     """Length of the straight approach that must be free."""
     grasps_per_target: int = 6
     """At most this many grasps of one part are returned, so that the next choice may be another part."""
-    tries_per_target: int = 150
+    tries_per_target: int = 300
     """At most this many of a part's best-scored grasps are tested for collisions."""
 
     def __post_init__(self) -> None:
@@ -64,7 +67,7 @@ class WorldGrasp:
     """A grasp of one estimated part, in the world."""
 
     T_world_tcp: Float[np.ndarray, "4 4"]
-    """TCP at the grasp; the jaw's half turn and the cup's free turn about z are left to the motion planner."""
+    """TCP at the grasp; the jaw's half turn and suction's free turn about z are left to the motion planner."""
     grasp: Grasp
     target: int
     """Index of the part among those given to `GraspPlanner.plan`."""
@@ -144,11 +147,10 @@ class GraspPlanner:
         grasps, Ts_part_tcp = self._grasps[part.content_hash]
         Ts_world_tcp = T_world_part @ Ts_part_tcp
         descent = -Ts_world_tcp[:, 2, 2]
-        limit = config.largest_tilt_deg * (1.0 if self.kind == "jaw" else 2 / 3)
         scores = weight * np.array([g.quality for g in grasps]) * np.clip(descent, 0, 1) ** 2
         if memory is not None:
             scores = scores * memory.factors(part.name, T_world_part, Ts_world_tcp)
-        usable = np.flatnonzero(descent > np.cos(np.radians(limit)))
+        usable = np.flatnonzero(descent > np.cos(np.radians(config.largest_tilt_deg)))
         order = usable[np.argsort(-scores[usable], kind="stable")][: config.tries_per_target]
         near = others[np.linalg.norm(others - T_world_part[:3, 3], axis=-1) < 0.3]
         found: list[WorldGrasp] = []
@@ -157,15 +159,29 @@ class GraspPlanner:
                 opening = 0.0
                 if self.kind == "jaw":
                     opening = min(grasps[index].width_m + 2 * clearance, self.gripper.max_opening_m)
-                if self.is_free(Ts_world_tcp[index], opening, near):
-                    quality = float(scores[index]) * 0.8**choice
-                    found.append(WorldGrasp(Ts_world_tcp[index], grasps[index], target, opening, quality, exposure))
+                T_world_tcp, back_m = self._off_the_floor(Ts_world_tcp[index], opening)
+                if back_m <= config.most_back_off_m and self.is_free(T_world_tcp, opening, near):
+                    quality = float(scores[index]) * 0.8**choice * (1 - 0.5 * back_m / config.most_back_off_m)
+                    found.append(WorldGrasp(T_world_tcp, grasps[index], target, opening, quality, exposure))
                     break
                 if self.kind == "suction":
                     break
             if len(found) == config.grasps_per_target:
                 break
         return found
+
+    def _off_the_floor(
+        self, T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float
+    ) -> tuple[Float[np.ndarray, "4 4"], float]:
+        """Return the grasp drawn back along its approach until the fingertips clear the floor, and by how much."""
+        if self.kind == "suction":
+            return T_world_tcp, 0.0
+        lowest_m = float(transform_points(T_world_tcp, box_surface_points(self.gripper.boxes(opening_m)))[:, 2].min())
+        missing_m = max(0.0, self.config.floor_clearance_m + 1e-6 - lowest_m)
+        back_m = missing_m / max(-float(T_world_tcp[2, 2]), 1e-3)
+        drawn_back = T_world_tcp.copy()
+        drawn_back[:3, 3] -= back_m * T_world_tcp[:3, 2]
+        return drawn_back, back_m
 
     def is_free(
         self, T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float, obstacles: Float[np.ndarray, "n 3"]

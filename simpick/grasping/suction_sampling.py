@@ -1,7 +1,8 @@
-"""Suction grasps on a CAD mesh: places where the whole cup finds surface within the reach of its lip.
+"""Suction grasps on a CAD mesh: places where enough cells of the suction head's face find surface.
 
-The cup is laid on sampled surface points. Rays from its rim and from inside it measure how deep the surface lies
-under each; a plane fitted to them gives the cup's tilt, and what remains is what the lip must bridge.
+The face is laid on sampled surface points, square to the surface there. A ray from each cell measures how deep the
+part lies under it; what lies within the foam's reach of the highest place covers its cell. The number of covered cells
+gives the force, and their centre's distance from the centre of mass the moment that peels the face off.
 """
 
 from __future__ import annotations
@@ -11,7 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from simpick.assets.grippers.suction import CUP_FORCE_N, CUP_RADIUS_M, LIP_REACH_M, SuctionGripper
+from simpick.assets.grippers.suction import (
+    CELL_CENTRES_M,
+    CELL_FORCE_N,
+    CELLS,
+    FOAM_REACH_M,
+    SUCTION_RADIUS_M,
+    SuctionGripper,
+)
 from simpick.assets.part import Part
 from simpick.geometry.transforms import transform
 from simpick.grasping.boxes import points_in_boxes
@@ -26,20 +34,24 @@ class SuctionConfig:
     """How suction grasps are sampled."""
 
     seeds: int = 1200
-    """Surface points on which the cup is laid."""
-    rim_rays: int = 8
-    """Rays around the lip; half as many are cast inside of it."""
-    largest_gap_m: float = 1.6 * LIP_REACH_M
-    """Largest spread of the surface's depth under the cup: the lip stretches and the bellows give."""
-    largest_tilt_deg: float = 12.0
-    """Largest angle between the sampled normal and the plane fitted under the cup."""
+    """Surface points on which the face is laid."""
+    largest_gap_m: float = 0.8 * FOAM_REACH_M
+    """Largest depth below the highest place under the face at which a cell counts as covered."""
+    facing_cosine: float = 0.75
+    """Least cosine between a covered cell's axis and the surface's normal."""
+    least_cells: int = 4
+    """Least number of covered cells."""
+    least_margin: float = 2.5
+    """Least holding force in multiples of the part's weight."""
+    largest_peel: float = 0.8
+    """Largest moment of the part's weight, as a share of what the covered cells resist."""
     candidates: int = 30
     """How many diverse grasps are kept for verification, wherever they approach from."""
     candidates_per_floor: int = 8
     """And how many more from above for each way in which the part comes to rest."""
     candidates_at_most: int = 90
     """But not more than this."""
-    steepness_deg: float = 33.0
+    steepness_deg: float = 47.0
     """Largest angle from the vertical of those."""
     spacing_m: float = 0.005
     """Least distance between two kept grasps."""
@@ -67,43 +79,33 @@ def suction_candidates(part: Part, config: SuctionConfig = SuctionConfig()) -> l
 def _placed(
     surface: PartSurface, point: Float[np.ndarray, "3"], normal: Float[np.ndarray, "3"], config: SuctionConfig
 ) -> Grasp | None:
-    """Return the cup laid on one surface point, or None where it would leak or hit the part."""
+    """Return the face laid on one surface point, or None where it covers too little or hits the part."""
     u = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
     u /= np.linalg.norm(u)
     v = np.cross(normal, u)
-    angles = 2 * np.pi * np.arange(config.rim_rays) / config.rim_rays
-    rim = np.stack([np.cos(angles), np.sin(angles)], axis=-1) * (CUP_RADIUS_M - 0.0007)
-    disc = np.concatenate([rim, 0.5 * rim[::2], np.zeros((1, 2))])
-    height = 0.004
-    origins = point + height * normal + disc[:, :1] * u + disc[:, 1:] * v
-    distances, _ = surface.cast(origins, np.tile(-normal, (len(disc), 1)))
-    if not (distances < height + 0.004).all():
+    T = transform(np.stack([u, -v, -normal], axis=-1), point)
+    height = 0.006
+    origins = point + height * normal + CELL_CENTRES_M[:, :1] * u - CELL_CENTRES_M[:, 1:] * v
+    distances, normals = surface.cast(origins, np.tile(-normal, (CELLS, 1)))
+    depths = distances - height
+    # What stands out under the face must yield to the foam, or the face would not come down to the point.
+    if depths.min() < -config.largest_gap_m:
         return None
-    # Elevation over the disc as a plane a x + b y + c: the plane is the cup's tilt, the residual is the lip's work.
-    design = np.column_stack([disc, np.ones(len(disc))])
-    plane, *_ = np.linalg.lstsq(design, height - distances, rcond=None)
-    gap = float(np.ptp(height - distances - design @ plane))
-    tilt = float(np.arctan(np.linalg.norm(plane[:2])))
-    if gap > config.largest_gap_m or tilt > np.radians(config.largest_tilt_deg):
+    covered = (depths - depths.min() < config.largest_gap_m) & (normals @ normal > config.facing_cosine)
+    if covered.sum() < config.least_cells:
         return None
-    approach = plane[0] * u + plane[1] * v - normal
-    approach /= np.linalg.norm(approach)
-    # The lip meets the highest place under it first.
-    rise = float((height - distances - design @ plane)[: config.rim_rays].max())
-    centre = point + (plane[2] + rise) * normal
-    x_axis = u - approach * (u @ approach)
-    x_axis /= np.linalg.norm(x_axis)
-    T = transform(np.stack([x_axis, np.cross(approach, x_axis), approach], axis=-1), centre)
-
-    seen = (surface.points - centre) @ T[:3, :3]
-    # The cup itself sinks onto the part by its compliance, so only what stands higher is in its way.
-    if points_in_boxes(seen[seen[:, 2] < -0.0025], SuctionGripper().boxes()).any():
+    T[:3, 3] = point - float(depths.min()) * normal
+    seen = (surface.points - T[:3, 3]) @ T[:3, :3]
+    # The foam yields to the part by its reach; only what stands higher than that is in the head's way.
+    if points_in_boxes(seen[seen[:, 2] < -FOAM_REACH_M], SuctionGripper().boxes()).any():
         return None
-    com = (surface.centre_of_mass_m - centre) @ T[:3, :3]
-    lever = float(np.linalg.norm(com[:2]))
-    # The lip resists tilting by the vacuum's force at its radius; what the part's weight uses of it is lost.
-    load = surface.part.mass_kg * 9.81 * lever / (CUP_FORCE_N * CUP_RADIUS_M)
-    if load > 0.7:
+    com = (surface.centre_of_mass_m - T[:3, 3]) @ T[:3, :3]
+    lever = float(np.linalg.norm(com[:2] - CELL_CENTRES_M[covered].mean(axis=0)))
+    weight = surface.part.mass_kg * 9.81
+    margin = float(covered.sum()) * CELL_FORCE_N / weight
+    # Off-centre weight peels the face off cell by cell: its moment against what the cells hold at the face's radius.
+    peel = weight * lever / (float(covered.sum()) * CELL_FORCE_N * 0.5 * SUCTION_RADIUS_M)
+    if margin < config.least_margin or peel > config.largest_peel:
         return None
-    quality = (1 - load) * np.exp(-lever / 0.04) * (1 - 0.6 * gap / config.largest_gap_m)
+    quality = np.exp(-lever / 0.03) * np.sqrt(covered.mean()) * min(1.0, margin / 6.0)
     return Grasp(T, 0.0, "suction", float(quality))

@@ -66,8 +66,8 @@ class VerificationConfig:
     """And turns it by this much."""
 
 
-SUCTION_VERIFICATION = VerificationConfig(tilt_deg=30.0, slip_limit_m=0.008, turn_limit_deg=20.0)
-"""A bellows lets its part swing and approaches more steeply, but where its lip leaks, the part is lost."""
+SUCTION_VERIFICATION = VerificationConfig(tilt_deg=40.0, slip_limit_m=0.015, turn_limit_deg=30.0)
+"""Foam lets a part swing and tilt: only losing it is failing."""
 
 
 class GraspBench:
@@ -201,7 +201,7 @@ def _disturbed(grasp: Grasp, config: VerificationConfig, rng: np.random.Generato
     axis = rng.normal(size=3)
     offset = rng.normal(size=3)
     if grasp.kind == "suction":
-        # The cup is pressed on, so an error along the approach is taken up; across it is not.
+        # The head is pressed on, so an error along the approach is taken up; across it is not.
         offset[2] = 0.0
     rotation = so3_exp(np.radians(config.disturbance_deg) * axis / np.linalg.norm(axis))
     shift = config.disturbance_m * offset / np.linalg.norm(offset)
