@@ -14,10 +14,12 @@ import tyro
 from simpick.cli.benchmark import Benchmark
 from simpick.cli.doctor import Doctor
 from simpick.cli.evaluate import Evaluate
+from simpick.cli.grasps import GraspsCommand
 from simpick.cli.parts import PartsCommand
 from simpick.cli.run import Run
 from simpick.cli.sweep import Sweep
 from simpick.cli.templates import TemplatesCommand
+from simpick.cli.yardstick import Yardstick
 from simpick.errors import SimpickError
 
 DESCRIPTION = "A wind tunnel for robotic bin picking: will this part be picked from RGB, how fast, and why not?"
@@ -26,7 +28,9 @@ Command = (
     Annotated[Run, _configure(name="run")]
     | Annotated[PartsCommand, _configure(name="parts")]
     | Annotated[TemplatesCommand, _configure(name="templates")]
+    | Annotated[GraspsCommand, _configure(name="grasps")]
     | Annotated[Evaluate, _configure(name="evaluate")]
+    | Annotated[Yardstick, _configure(name="yardstick")]
     | Annotated[Sweep, _configure(name="sweep")]
     | Annotated[Benchmark, _configure(name="benchmark")]
     | Annotated[Doctor, _configure(name="doctor")]

@@ -46,7 +46,7 @@ def shape_signature(part: Part) -> Float[np.ndarray, "13"]:
 
 
 def shipped_path(part_name: str, kind: Kind) -> Path:
-    """Return the file that ships with the package for this part, whether or not it exists."""
+    """Return the file that ships with the package for a library part of this name, whether or not it exists."""
     return Path(simpick.assets.__path__[0]) / "grasps" / f"{part_name}_{kind}.npz"
 
 
@@ -57,13 +57,8 @@ def cached_path(part: Part, kind: Kind) -> Path:
 
 def load_grasps(part: Part, kind: Kind) -> list[Grasp] | None:
     """Return the stored grasps of `part`, or None if there are none that fit it."""
-    shipped = shipped_path(part.name, kind)
-    if shipped.exists():
-        grasps = _read(shipped, kind, part)
-        if grasps is not None:
-            return grasps
-    cached = cached_path(part, kind)
-    return _read(cached, kind, part) if cached.exists() else None
+    shipped = load_file(shipped_path(part.name, kind), part, kind)
+    return shipped if shipped is not None else load_file(cached_path(part, kind), part, kind)
 
 
 def save_grasps(path: Path, part: Part, kind: Kind, grasps: list[Grasp]) -> None:
@@ -81,8 +76,8 @@ def save_grasps(path: Path, part: Part, kind: Kind, grasps: list[Grasp]) -> None
         np.savez_compressed(temporary, **content)
 
 
-def _read(path: Path, kind: Kind, part: Part) -> list[Grasp] | None:
-    """Return the file's grasps, or None if it is damaged, of another recipe or of another shape."""
+def load_file(path: Path, part: Part, kind: Kind) -> list[Grasp] | None:
+    """Return a file's grasps, or None if it is missing, damaged, of another recipe or of another shape."""
     try:
         with np.load(path, allow_pickle=False) as file:
             fits = str(file["recipe"]) == recipe(kind)
