@@ -43,6 +43,11 @@ class PlannerConfig:
     """Free space between the gripper and every other part."""
     side_clearances_m: tuple[float, ...] = (0.006, 0.003)
     """Free space between each open finger and the target; a later entry only where an earlier one does not fit."""
+    most_points_touched: int = 12
+    """Where parts lie entangled, the gripper may brush others: at most so many of the 700 points drawn on each part
+    may lie in its way. Parts yield; a solid hit would cover far more."""
+    touching_factor: float = 0.05
+    """Worth of a grasp that brushes other parts, against a free one: it is tried when nothing else is left."""
     approach_m: float = 0.08
     """Length of the straight approach that must be free."""
     grasps_per_target: int = 6
@@ -153,22 +158,26 @@ class GraspPlanner:
         usable = np.flatnonzero(descent > np.cos(np.radians(config.largest_tilt_deg)))
         order = usable[np.argsort(-scores[usable], kind="stable")][: config.tries_per_target]
         near = others[np.linalg.norm(others - T_world_part[:3, 3], axis=-1) < 0.3]
-        found: list[WorldGrasp] = []
+        free: list[WorldGrasp] = []
+        brushing: list[WorldGrasp] = []
         for index in order:
-            for choice, clearance in enumerate(config.side_clearances_m):
-                opening = 0.0
-                if self.kind == "jaw":
-                    opening = min(grasps[index].width_m + 2 * clearance, self.gripper.max_opening_m)
+            for choice, clearance in enumerate(config.side_clearances_m if self.kind == "jaw" else (0.0,)):
+                opening = min(grasps[index].width_m + 2 * clearance, self.gripper.max_opening_m)
                 T_world_tcp, back_m = self._off_the_floor(Ts_world_tcp[index], opening)
-                if back_m <= config.most_back_off_m and self.is_free(T_world_tcp, opening, near):
-                    quality = float(scores[index]) * 0.8**choice * (1 - 0.5 * back_m / config.most_back_off_m)
-                    found.append(WorldGrasp(T_world_tcp, grasps[index], target, opening, quality, exposure))
-                    break
-                if self.kind == "suction":
-                    break
-            if len(found) == config.grasps_per_target:
+                if back_m > config.most_back_off_m or not self._clears_bin(T_world_tcp, opening):
+                    continue
+                touched = self._touched(T_world_tcp, opening, near)
+                if touched > config.most_points_touched:
+                    continue
+                quality = float(scores[index]) * 0.8**choice * (1 - 0.5 * back_m / config.most_back_off_m)
+                if touched:
+                    quality *= config.touching_factor / (1 + touched)
+                grasp = WorldGrasp(T_world_tcp, grasps[index], target, opening, quality, exposure)
+                (brushing if touched else free).append(grasp)
                 break
-        return found
+            if len(free) == config.grasps_per_target:
+                break
+        return free or sorted(brushing, key=lambda g: -g.quality)[: config.grasps_per_target]
 
     def _off_the_floor(
         self, T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float
@@ -183,14 +192,9 @@ class GraspPlanner:
         drawn_back[:3, 3] -= back_m * T_world_tcp[:3, 2]
         return drawn_back, back_m
 
-    def is_free(
-        self, T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float, obstacles: Float[np.ndarray, "n 3"]
-    ) -> bool:
-        """Return whether the open gripper and its straight approach clear the bin and points on other parts."""
+    def _clears_bin(self, T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float) -> bool:
+        """Return whether the open gripper and its straight approach keep clear of the bin's floor and walls."""
         boxes = self.gripper.boxes(opening_m)
-        return self._clears_bin(T_world_tcp, boxes) and self._clears_parts(T_world_tcp, boxes, opening_m, obstacles)
-
-    def _clears_bin(self, T_world_tcp: Float[np.ndarray, "4 4"], boxes: Float[np.ndarray, "boxes 2 3"]) -> bool:
         config = self.config
         body = transform_points(T_world_tcp, box_surface_points(boxes))
         floor = config.floor_clearance_m if self.kind == "jaw" else 0.0
@@ -206,31 +210,23 @@ class GraspPlanner:
                 return False
         return True
 
-    def _clears_parts(
-        self,
-        T_world_tcp: Float[np.ndarray, "4 4"],
-        boxes: Float[np.ndarray, "boxes 2 3"],
-        opening_m: float,
-        obstacles: Float[np.ndarray, "n 3"],
-    ) -> bool:
+    def _touched(
+        self, T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float, obstacles: Float[np.ndarray, "n 3"]
+    ) -> int:
+        """Return how many points on other parts lie in the way of the open gripper and its straight approach.
+
+        Points between the jaw's pads count as very many: what lies there would be carried along.
+        """
         config = self.config
+        boxes = self.gripper.boxes(opening_m)
         points = (obstacles - T_world_tcp[:3, 3]) @ T_world_tcp[:3, :3]
         # A quick look first: most points lie below the fingertips or far to the side.
         reach = 0.08
         points = points[(points[:, 2] < TIP_BEYOND_TCP_M + 0.002) & (np.abs(points[:, :2]).max(axis=1) < reach)]
-        if not len(points):
-            return True
-        if points_in_boxes(points, swept_back(boxes, config.approach_m), config.part_clearance_m).any():
-            return False
-        if self.kind == "suction":
-            return True
-        # Nor may another part lie between the pads: it would be carried along, or keep them from closing.
-        between = np.array(
-            [
-                [
-                    [-opening_m / 2, -PAD_WIDTH_M / 2, -PAD_ABOVE_TCP_M],
-                    [opening_m / 2, PAD_WIDTH_M / 2, TIP_BEYOND_TCP_M],
-                ]
-            ]
-        )
-        return not points_in_boxes(points, between).any()
+        touched = int(points_in_boxes(points, swept_back(boxes, config.approach_m), config.part_clearance_m).sum())
+        if self.kind == "jaw":
+            lower = [-opening_m / 2, -PAD_WIDTH_M / 2, -PAD_ABOVE_TCP_M]
+            upper = [opening_m / 2, PAD_WIDTH_M / 2, TIP_BEYOND_TCP_M]
+            if points_in_boxes(points, np.array([[lower, upper]])).any():
+                return len(obstacles)
+        return touched

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, cast
 
 import numpy as np
 from jaxtyping import Float
@@ -61,7 +61,7 @@ class PickPolicy:
         self._part_of = {part.name: part for part in parts}
         self._workspace = tcp_workspace(config.bin)
         self._motion = PickPlanner(config, MotionConfig())
-        self._planner = GraspPlanner(config.gripper, config.bin)
+        self._planner = GraspPlanner(cast("Literal['jaw', 'suction']", config.gripper), config.bin)
         self._memory = FailureMemory()
         self._decision: Decision | None = None
         perception.onboard(parts)
