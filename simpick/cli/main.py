@@ -6,6 +6,7 @@ Only the light parts of simpick are imported here; each command imports what it 
 
 from __future__ import annotations
 
+import os
 import sys
 from typing import Annotated
 
@@ -43,6 +44,8 @@ def main(arguments: list[str] | None = None) -> int:
     style = (tyro.conf.FlagCreatePairsOff,)
     command = tyro.cli(Command, prog="simpick", description=DESCRIPTION, args=arguments, config=style)
     try:
+        if os.environ.get("MUJOCO_GL"):
+            import simpick.rendering  # noqa: F401 - refuses an unknown back end before MuJoCo fails on it obscurely
         return command.run()
     except SimpickError as error:
         print(f"simpick: {error}", file=sys.stderr)

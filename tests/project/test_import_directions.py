@@ -70,7 +70,9 @@ def run_fresh(code: str) -> str:
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
 
 
-@pytest.mark.parametrize("module", ["simpick", "simpick.records", "simpick.errors", "simpick.geometry", "simpick.cli.main"])
+@pytest.mark.parametrize(
+    "module", ["simpick", "simpick.records", "simpick.errors", "simpick.geometry", "simpick.cli.main"]
+)
 def test_importing_loads_no_heavy_library(module: str) -> None:
     heavy = "{'torch', 'mujoco', 'rerun', 'mink', 'trimesh', 'cv2', 'matplotlib'}"
     loaded = run_fresh(f"import sys, {module}; print(sorted({heavy} & sys.modules.keys()))").strip()
