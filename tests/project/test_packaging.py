@@ -1,5 +1,6 @@
 """The wheel holds every module, under simpick only, and every module imports from it."""
 
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -15,16 +16,27 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("wheel")
     options = ["--quiet", "--no-deps", "--no-build-isolation", "-w", str(out)]
     command = [sys.executable, "-m", "pip", "wheel", *options, "."]
-    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+    # Built from a copy, so that neither leftovers of other builds nor other test processes come into it.
+    sources = tmp_path_factory.mktemp("sources")
+    for name in git_files("--cached", "--others", "--exclude-standard"):
+        if (ROOT / name).exists():
+            (sources / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, sources / name, follow_symlinks=False)
+    subprocess.run(command, cwd=sources, check=True, capture_output=True)
     return next(out.glob("*.whl"))
+
+
+def git_files(*arguments: str) -> list[str]:
+    command = ["git", "ls-files", "-z", *arguments]
+    listed = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout
+    return [name for name in listed.split("\0") if name]
 
 
 def test_wheel_holds_all_sources_and_nothing_generic(wheel: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
     assert {n.split("/")[0] for n in names if not n.startswith("simpick-")} == {"simpick"}
-    tracked = subprocess.run(["git", "ls-files", "*.py"], cwd=ROOT, check=True, capture_output=True, text=True)
     expected = set()
-    for name in tracked.stdout.split():
+    for name in git_files("*.py"):
         top = name.split("/")[0]
         if top in {"assets", "envs", "estimators"}:
             expected.add(f"simpick/{name}")
