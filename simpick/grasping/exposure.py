@@ -11,7 +11,7 @@ _CELL_M = 0.004
 _BELOW_M = 0.003
 
 
-def exposures(points_world: Sequence[Float[np.ndarray, "n 3"]]) -> Float[np.ndarray, "parts"]:
+def exposures(points_world: Sequence[Float[np.ndarray, "_ 3"]]) -> Float[np.ndarray, "parts"]:
     """Return for each part the share of its outline, seen from above, that no other part covers.
 
     `points_world` are points on each part's surface, about as dense as the 4 mm grid on which heights are compared.

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import zlib
 from dataclasses import astuple
 from pathlib import Path
 from typing import Literal
+from zipfile import BadZipFile
 
 import numpy as np
 from jaxtyping import Float
@@ -79,7 +81,8 @@ def save_grasps(path: Path, part: Part, kind: Kind, grasps: list[Grasp]) -> None
 def load_file(path: Path, part: Part, kind: Kind) -> list[Grasp] | None:
     """Return a file's grasps, or None if it is missing, damaged, of another recipe or of another shape."""
     try:
-        with np.load(path, allow_pickle=False) as file:
+        # Opened here, because numpy leaves the handle of a damaged file open.
+        with path.open("rb") as handle, np.load(handle, allow_pickle=False) as file:
             fits = str(file["recipe"]) == recipe(kind)
             signature = shape_signature(part)
             tolerance = 1e-3 * np.abs(signature) + 0.01
@@ -89,5 +92,5 @@ def load_file(path: Path, part: Part, kind: Kind) -> list[Grasp] | None:
             Ts = transform(matrix_from_quaternion(file["quaternion"]), np.asarray(file["position_m"], float))
             rows = zip(Ts, file["width_m"], file["quality"], strict=True)
             return [Grasp(T, float(width), kind, float(quality)) for T, width, quality in rows]
-    except (OSError, ValueError, KeyError, EOFError):
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error):
         return None

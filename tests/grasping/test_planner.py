@@ -1,0 +1,146 @@
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from simpick.assets.library import get_part
+from simpick.errors import ConfigError
+from simpick.geometry.transforms import invert, so3_exp, transform, transform_points
+from simpick.grasping import FailureMemory, GraspPlanner, PlannerConfig
+from simpick.grasping.boxes import box_surface_points, points_in_boxes
+from simpick.grasping.coverage import resting_coverage
+from simpick.grasping.exposure import exposures
+from simpick.scene.config import BinConfig
+
+
+def lying(x_m: float = 0.5, y_m: float = 0.0, z_m: float = 0.008, yaw_rad: float = 0.3) -> np.ndarray:
+    """Return a hex nut (16 mm high) flat on the bin's floor, or higher up."""
+    return transform(so3_exp(np.array([0, 0, yaw_rad])), np.array([x_m, y_m, z_m]))
+
+
+NUT = get_part("hex_nut")
+
+
+@pytest.fixture(scope="module")
+def planner() -> GraspPlanner:
+    return GraspPlanner("jaw", BinConfig())
+
+
+@pytest.fixture(scope="module")
+def suction() -> GraspPlanner:
+    return GraspPlanner("suction", BinConfig())
+
+
+def test_grasps_of_a_lone_part_keep_off_floor_and_walls(planner: GraspPlanner) -> None:
+    for T_world_part in (lying(), lying(x_m=0.50 - 0.15 + 0.022)):
+        grasps = planner.plan([NUT], [T_world_part])
+        assert grasps
+        for grasp in grasps:
+            points = transform_points(grasp.T_world_tcp, box_surface_points(planner.gripper.boxes(grasp.opening_m)))
+            assert points[:, 2].min() > 0
+            low = points[points[:, 2] < 0.12]
+            assert (np.abs(low[:, :2] - [0.5, 0.0]) < [0.15, 0.20]).all()
+
+
+def test_grasps_are_ordered_and_come_from_above(planner: GraspPlanner) -> None:
+    grasps = planner.plan([NUT, NUT], [lying(), lying(y_m=0.1)])
+    assert {grasp.target for grasp in grasps} == {0, 1}
+    assert all(a.quality >= b.quality for a, b in pairwise(grasps))
+    assert all(-grasp.T_world_tcp[2, 2] > np.cos(np.radians(50.1)) for grasp in grasps)
+
+
+def test_a_grasp_is_the_parts_pose_times_its_grasp(suction: GraspPlanner) -> None:
+    T_world_part = transform(so3_exp(np.array([np.pi / 2, 0, 0])), np.array([0.5, 0.0, 0.016]))
+    best = suction.plan([NUT], [T_world_part])[0]
+    np.testing.assert_allclose(best.T_world_tcp, T_world_part @ best.grasp.T_part_tcp, atol=1e-9)
+    assert best.opening_m == 0.0
+
+
+def test_the_best_grasp_keeps_clear_of_a_neighbour(planner: GraspPlanner) -> None:
+    block = get_part("terminal_block")
+    T_world_block = transform(translation=np.array([0.5, 0.045, 0.0125]))
+    best = next(g for g in planner.plan([NUT, block], [lying(), T_world_block]) if g.target == 0)
+    seen = transform_points(invert(best.T_world_tcp) @ T_world_block, np.asarray(block.mesh.sample(3000, seed=1)))
+    assert not points_in_boxes(seen, planner.gripper.boxes(best.opening_m)).any()
+
+
+def test_the_part_on_top_comes_before_the_one_beneath(planner: GraspPlanner) -> None:
+    grasps = planner.plan([NUT, NUT], [lying(), lying(x_m=0.51, z_m=0.024)])
+    assert grasps[0].target == 1
+
+
+def test_a_surer_estimate_comes_first(planner: GraspPlanner) -> None:
+    parts, poses = [NUT, NUT], [lying(y_m=-0.1), lying(y_m=0.1)]
+    assert planner.plan(parts, poses, scores=[0.3, 0.9])[0].target == 1
+    assert planner.plan(parts, poses, scores=[0.9, 0.3])[0].target == 0
+
+
+def test_an_empty_bin_offers_nothing(planner: GraspPlanner) -> None:
+    assert planner.plan([], []) == []
+
+
+def test_a_part_under_the_floor_offers_nothing(planner: GraspPlanner) -> None:
+    assert planner.plan([NUT], [lying(z_m=-0.05)]) == []
+
+
+def test_a_failed_grasp_is_not_chosen_again(planner: GraspPlanner) -> None:
+    memory = FailureMemory()
+    first = planner.plan([NUT], [lying()], memory=memory)[0]
+    memory.remember(NUT.name, lying(), first.T_world_tcp)
+    second = planner.plan([NUT], [lying()], memory=memory)[0]
+    assert np.linalg.norm(second.T_world_tcp - first.T_world_tcp) > 0.01
+    assert second.quality < first.quality
+
+
+def test_failures_make_another_part_come_first(planner: GraspPlanner) -> None:
+    parts, poses = [NUT, NUT], [lying(y_m=-0.1), lying(y_m=0.1)]
+    memory = FailureMemory()
+    first = planner.plan(parts, poses, memory=memory)[0]
+    memory.remember(NUT.name, poses[first.target], first.T_world_tcp)
+    assert planner.plan(parts, poses, memory=memory)[0].target != first.target
+
+
+def test_a_failure_is_forgotten_when_its_part_has_moved_or_the_episode_ends() -> None:
+    memory = FailureMemory()
+    T_world_tcp = lying()[None]
+    memory.remember("hex_nut", lying(), T_world_tcp[0])
+    assert memory.factors("hex_nut", lying(), T_world_tcp) < 0.1
+    assert memory.factors("hex_nut", lying(x_m=0.52), T_world_tcp) == 1
+    assert memory.factors("bushing", lying(), T_world_tcp) == 1
+    memory.forget()
+    assert len(memory) == 0 and memory.factors("hex_nut", lying(), T_world_tcp) == 1
+
+
+def test_exposure_is_the_uncovered_share() -> None:
+    grid = np.stack(np.meshgrid(np.arange(0, 0.04, 0.002), np.arange(0, 0.04, 0.002)), axis=-1).reshape(-1, 2)
+    flat = np.pad(grid, ((0, 0), (0, 1)))
+    lid = flat[flat[:, 0] < 0.02] + [0, 0, 0.01]
+    below, above = exposures([flat, lid])
+    assert above == 1.0 and below == pytest.approx(0.5, abs=0.06)
+
+
+def test_same_input_same_plan(planner: GraspPlanner) -> None:
+    first = planner.plan([NUT], [lying()])
+    again = GraspPlanner("jaw", BinConfig()).plan([NUT], [lying()])
+    for a, b in zip(first, again, strict=True):
+        np.testing.assert_array_equal(a.T_world_tcp, b.T_world_tcp)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("z_bracket", "jaw"), ("tri_flange", "jaw"), ("z_bracket", "suction"), ("snap_clip", "suction")]
+)
+def test_parts_can_be_picked_however_they_rest(name: str, kind: str) -> None:
+    assert resting_coverage(get_part(name), kind) > 0.97
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"largest_tilt_deg": 0.0}, r"largest_tilt_deg must be in \(0, 90\], got 0.0"),
+        ({"side_clearances_m": ()}, r"side_clearances_m must hold values of at least 0, got \(\)"),
+        ({"grasps_per_target": 0}, "grasps_per_target and tries_per_target must be at least 1, got 0 and"),
+    ],
+)
+def test_bad_settings_are_refused(settings: dict, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        PlannerConfig(**settings)
