@@ -85,7 +85,7 @@ class Evaluate:
         from simpick.evaluation import bop_evaluation
         from simpick.evaluation.pose_evaluation import PoseEvaluator
         from simpick.evaluation.pose_runs import score_images
-        from simpick.evaluation.pose_sources import FileSource
+        from simpick.evaluation.pose_sources import FileSource, make_source
 
         dataset = BopDataset(root, self.split, camera=self.camera, models=self.models)
         if self.targets == "annotations":
@@ -104,7 +104,7 @@ class Evaluate:
             method = self.results.stem
             source = FileSource(bop_evaluation.estimates_from_results(dataset, read_results(self.results), method))
         else:
-            method, source = self.estimator, self._source(part_of)
+            method, source = self.estimator, make_source(self.estimator, part_of)
         lines: list[BopResult] = []
         images = bop_evaluation.bop_images(dataset, targets, detections, amodal=self.amodal, depth=self.vsd)
         model_of, delta_m = partial(bop_evaluation.bop_pose_model, dataset), bop_evaluation.vsd_delta_m(dataset)
@@ -133,12 +133,15 @@ class Evaluate:
         from simpick.evaluation.pose_evaluation import PoseEvaluator
         from simpick.evaluation.pose_images import PoseModel
         from simpick.evaluation.pose_runs import score_images
+        from simpick.evaluation.pose_sources import make_source
         from simpick.scene import SceneConfig
 
         names = self.parts or tuple(library_part_names())
         # No arm: it stands at home, out of the overhead camera's sight.
         config = SceneConfig(parts=names, count=self.count, robot=None, randomization=self.randomization)
         parts = {part.name: part for part in map(get_part, names)}
+        # Before any bin is simulated, so that a wrong name costs no time.
+        source = make_source(self.estimator, parts.__getitem__)
         console = Console()
         with ExitStack() as stack:
             writer = None
@@ -158,25 +161,13 @@ class Evaluate:
                     yield bin_image.image
 
             evaluator = stack.enter_context(PoseEvaluator(lambda name: PoseModel.of(parts[name]), vsd=self.vsd))
-            evaluation = score_images(
-                images(), self._source(parts.__getitem__), evaluator, total=self.scenes, console=console
-            )
+            evaluation = score_images(images(), source, evaluator, total=self.scenes, console=console)
         self._print(console, evaluation, f"{self.estimator} on {self.scenes} bins, {self.noise} detections")
         if writer is not None and self.export is not None:
             name = f"detections_{self.noise}_{seeds[0]}-{seeds[-1]}.json"
             write_detections(self.export / name, found, writer.obj_ids.__getitem__)
             console.print(f"data set: {self.export}")
         return 0
-
-    def _source(self, part_of):
-        """Return the estimator's source; the oracle answers from the annotations."""
-        from simpick.evaluation.pose_sources import EstimatorSource, OracleSource
-
-        if self.estimator == "oracle":
-            return OracleSource()
-        from simpick.evaluation.perceptions import make_estimator
-
-        return EstimatorSource(make_estimator(self.estimator), part_of)
 
     @staticmethod
     def _print(console, evaluation, title: str) -> None:

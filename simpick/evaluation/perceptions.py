@@ -8,7 +8,7 @@ from importlib.metadata import entry_points
 import numpy as np
 
 from simpick.envs.bin_pick import BinPickEnv
-from simpick.errors import UnknownNameError
+from simpick.errors import ConfigError, UnknownNameError
 from simpick.estimators.base import PoseEstimator
 from simpick.estimators.oracle import OracleEstimator, PoseNoise
 from simpick.estimators.segmentation_detector import SegmentationDetector
@@ -18,8 +18,16 @@ from simpick.policies import Perception
 ENTRY_POINT_GROUP = "simpick.estimators"
 """Where another package registers its estimator: a callable without arguments that returns a `PoseEstimator`."""
 
-SHIPPED: dict[str, Callable[[], PoseEstimator]] = {}
-"""Estimators that work from images alone and come with simpick."""
+
+def _retrieval(hypotheses: int | None) -> PoseEstimator:
+    # Only here, because it loads torch.
+    from simpick.estimators.retrieval import RetrievalConfig, RetrievalEstimator
+
+    return RetrievalEstimator(None if hypotheses is None else RetrievalConfig(hypotheses=hypotheses))
+
+
+SHIPPED: dict[str, Callable[[int | None], PoseEstimator]] = {"retrieval": _retrieval}
+"""Estimators that work from images alone and come with simpick; made for this many hypotheses, or their own number."""
 
 
 def estimator_names() -> list[str]:
@@ -27,16 +35,21 @@ def estimator_names() -> list[str]:
     return ["oracle", *SHIPPED, *(e.name for e in entry_points(group=ENTRY_POINT_GROUP))]
 
 
-def make_estimator(name: str) -> PoseEstimator:
-    """Return a pose estimator that works from images alone.
+def make_estimator(name: str, hypotheses: int | None = None) -> PoseEstimator:
+    """Return a pose estimator that works from images alone, asked for this many hypotheses or for its own number.
 
     Raises:
         UnknownNameError: no estimator has this name; the message lists those that exist.
+        ConfigError: a number of hypotheses that the estimator does not take.
     """
     if name in SHIPPED:
-        return SHIPPED[name]()
+        return SHIPPED[name](hypotheses)
     for entry in entry_points(group=ENTRY_POINT_GROUP):
         if entry.name == name:
+            if hypotheses is not None:
+                raise ConfigError(
+                    f"{name!r} comes from another package and decides itself how many hypotheses it makes"
+                )
             return entry.load()()
     raise UnknownNameError(
         "perception", name, estimator_names(), f"Other packages add theirs as entry points of {ENTRY_POINT_GROUP!r}."

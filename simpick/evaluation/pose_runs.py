@@ -59,12 +59,12 @@ def recall_table(evaluation: PoseEvaluation, title: str) -> Table:
 def summary_table(evaluation: PoseEvaluation) -> Table:
     """Return medians and recalls of all targets and of each visibility band."""
     table = Table("visible", title="medians and recalls")
-    for column in ("targets", "answered", "deg", "mm", "< 5 deg", "< 15 deg", "< 30 deg"):
+    for column in ("targets", "answered", "deg", "mm", "depth %", "< 5 deg", "< 15 deg", "< 30 deg"):
         table.add_column(column, justify="right")
     for name, s in {**evaluation.by_visibility, "all": evaluation.summary}.items():
         if s.count == 0:
             continue
-        medians = f"{s.median_rotation_deg:.2f}", f"{s.median_translation_mm:.2f}"
+        medians = f"{s.median_rotation_deg:.2f}", f"{s.median_translation_mm:.2f}", f"{s.median_depth_percent:.2f}"
         recalls = (f"{100 * share:.1f}" for share in (s.recall_5_deg, s.recall_15_deg, s.recall_30_deg))
         table.add_row(name, f"{s.count}", f"{s.answered}", *medians, *recalls)
     return table

@@ -30,6 +30,8 @@ class PoseSummary:
     median_lateral_mm: float
     median_depth_mm: float
     """Of the absolute depth error."""
+    median_depth_percent: float
+    """The same, in percent of the true depth; NaN where depths were not given."""
     median_mssd_mm: float
     recall_5_deg: float
     """Share of all instances, answered or not, turned by less than 5 degrees; NaN without instances."""
@@ -37,12 +39,25 @@ class PoseSummary:
     recall_30_deg: float
 
 
-def summarize(errors: Sequence[PoseError | None]) -> PoseSummary:
-    """Return the summary of these instances; None stands for an instance without an estimate."""
-    table = np.array(
-        [(e.rotation_deg, e.translation_mm, e.lateral_mm, abs(e.depth_mm), e.mssd_mm) for e in errors if e is not None]
-    ).reshape(-1, 5)
-    medians = np.median(table, axis=0) if len(table) else np.full(5, np.nan)
+def summarize(errors: Sequence[PoseError | None], depths_m: Sequence[float] | None = None) -> PoseSummary:
+    """Return the summary of these instances; None stands for an instance without an estimate.
+
+    `depths_m` are the instances' true depths along the optical axis.
+
+    Raises:
+        ConfigError: there is not one depth for each error.
+    """
+    if depths_m is None:
+        depths_m = [float("nan")] * len(errors)
+    if len(errors) != len(depths_m):
+        raise ConfigError(f"there must be one depth for each error, got {len(depths_m)} for {len(errors)}")
+    rows = []
+    for e, depth_m in zip(errors, depths_m, strict=True):
+        if e is not None:
+            depth_mm = abs(e.depth_mm)
+            rows.append((e.rotation_deg, e.translation_mm, e.lateral_mm, depth_mm, 0.1 * depth_mm / depth_m, e.mssd_mm))
+    table = np.array(rows).reshape(-1, 6)
+    medians = np.median(table, axis=0) if len(table) else np.full(6, np.nan)
     recalls = [float((table[:, 0] < deg).sum() / len(errors)) if errors else float("nan") for deg in (5, 15, 30)]
     return PoseSummary(len(errors), len(table), *(float(m) for m in medians), *recalls)
 
@@ -51,10 +66,12 @@ def summarize_by_visibility(
     errors: Sequence[PoseError | None],
     visible_fractions: Float[np.ndarray, "n"],
     edges: Sequence[float] = VISIBILITY_BANDS,
+    depths_m: Sequence[float] | None = None,
 ) -> dict[str, PoseSummary]:
     """Return a summary for each band of visibility, named such as ``30-50 %``; upper edges belong to the next band.
 
-    The last band holds its upper edge too. Instances outside all bands are left out.
+    The last band holds its upper edge too. Instances outside all bands are left out. `depths_m` as for
+    `summarize`.
 
     Raises:
         ConfigError: edges do not ascend, or there is not one visible fraction for each error.
@@ -69,5 +86,7 @@ def summarize_by_visibility(
         if high == edges[-1]:
             inside |= visible_fractions == high
         name = f"{100 * low:.0f}-{100 * high:.0f} %"
-        bands[name] = summarize([e for e, i in zip(errors, inside, strict=True) if i])
+        members = np.flatnonzero(inside).tolist()
+        depths = None if depths_m is None else [depths_m[k] for k in members]
+        bands[name] = summarize([errors[k] for k in members], depths)
     return bands

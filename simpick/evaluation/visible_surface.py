@@ -26,11 +26,7 @@ def distance_from_depth(
     Raises:
         ConfigError: the image's size is not the camera's.
     """
-    if depth_m.shape[-2:] != (camera.height, camera.width):
-        raise ConfigError(
-            f"depth must be {camera.width} x {camera.height} px like its camera, "
-            f"got {depth_m.shape[-1]} x {depth_m.shape[-2]}; render it with the camera of the frame"
-        )
+    _check_size(depth_m, camera)
     return depth_m.astype(float) * np.linalg.norm(camera.rays(), axis=-1)
 
 
@@ -60,11 +56,15 @@ def vsd(
     differ by `tau` diameters or more. An estimate also counts as visible where the truth is visible and the estimate
     has depth, even behind the scene's surface. Pairs that are no `candidates` get 1, as do empty unions.
     """
-    images = [distance_from_depth(d, camera) for d in (depths_estimate_m, depths_truth_m, depth_scene_m[None])]
-    estimate, truth, scene = (d.reshape(len(d), camera.height * camera.width) for d in images)
-    touched = (estimate > 0).any(0) | (truth > 0).any(0)
-    estimate, truth, scene = estimate[:, touched], truth[:, touched], scene[:, touched]
-
+    for depth_m in (depths_estimate_m, depths_truth_m, depth_scene_m):
+        _check_size(depth_m, camera)
+    # Parts cover a small share of an image; only there depth is turned into distance.
+    touched = np.flatnonzero((depths_estimate_m > 0).any(0) | (depths_truth_m > 0).any(0))
+    per_depth = np.linalg.norm(camera.rays().reshape(-1, 3)[touched], axis=-1)
+    estimate, truth, scene = (
+        depth_m.reshape(-1, camera.height * camera.width)[:, touched].astype(float) * per_depth
+        for depth_m in (depths_estimate_m, depths_truth_m, depth_scene_m)
+    )
     truth_seen = visible_mask(truth, scene, delta_m)
     estimate_seen_alone = visible_mask(estimate, scene, delta_m)
     errors = np.ones((len(estimate), len(truth), len(taus)))
@@ -83,3 +83,11 @@ def vsd(
             costs = fails[::-1].cumsum()[::-1][1:]
             errors[e, g] = (costs + union - np.count_nonzero(both)) / union
     return errors
+
+
+def _check_size(depth_m: Float[np.ndarray, "*batch height width"], camera: Pinhole) -> None:
+    if depth_m.shape[-2:] != (camera.height, camera.width):
+        raise ConfigError(
+            f"depth must be {camera.width} x {camera.height} px like its camera, "
+            f"got {depth_m.shape[-1]} x {depth_m.shape[-2]}; render it with the camera of the frame"
+        )

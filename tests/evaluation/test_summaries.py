@@ -47,3 +47,18 @@ def test_edges_must_ascend() -> None:
 def test_every_error_needs_its_visible_fraction() -> None:
     with pytest.raises(ConfigError, match="one visible fraction for each error, got 1"):
         summarize_by_visibility([None, None], np.zeros(1))
+
+
+def test_depth_is_told_in_percent_where_true_depths_are_known() -> None:
+    # 4 mm of 0.8 m, and 9 mm of 0.9 m.
+    summary = summarize([error(1, -4), None, error(1, 9)], [0.8, 0.5, 0.9])
+    assert summary.median_depth_percent == pytest.approx((0.5 + 1.0) / 2)
+    assert math.isnan(summarize([error(1, 4)]).median_depth_percent)
+    bands = summarize_by_visibility([error(1, 4), error(1, 9)], np.array([0.2, 0.95]), depths_m=[0.8, 0.9])
+    assert bands["10-30 %"].median_depth_percent == pytest.approx(0.5)
+    assert bands["90-100 %"].median_depth_percent == pytest.approx(1.0)
+
+
+def test_every_error_needs_its_depth() -> None:
+    with pytest.raises(ConfigError, match="one depth for each error, got 1 for 2"):
+        summarize([None, None], [0.5])
