@@ -20,7 +20,7 @@ class Yardstick:
     estimators: tyro.conf.Positional[tuple[str, ...]] = ("oracle",)
     """Who estimates poses: oracle, retrieval, another that ships, or one that a package registers."""
     noise: tuple[Literal["perfect", "realistic"], ...] = ("perfect", "realistic")
-    """How well parts are segmented before their poses are estimated; each gets its own rows."""
+    """How well parts are segmented before their poses are estimated; each gets its own figures."""
     bins: int | None = None
     """Only the first so many bins: a quick look, not the yardstick's figures."""
     hypotheses: int | None = None
