@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import tyro
 
+from simpick.errors import ConfigError
 from simpick.evaluation.run_config import RunConfig
 
 
@@ -21,9 +21,9 @@ class Sweep:
 
     config: tyro.conf.OmitArgPrefixes[RunConfig] = field(default_factory=lambda: RunConfig(episodes=4))
     """What to run at each step; perception and noise are set by the sweep."""
-    noise_mm: tuple[float, ...] = (0.0, 1.0, 2.0, 4.0, 6.0, 8.0, 10.0)
+    levels_mm: tuple[float, ...] = (0.0, 1.0, 2.0, 4.0, 6.0, 8.0, 10.0)
     """Median translation errors to run."""
-    noise_deg: tuple[float, ...] = (0.0, 2.5, 5.0, 10.0, 15.0, 20.0)
+    levels_deg: tuple[float, ...] = (0.0, 2.5, 5.0, 10.0, 15.0, 20.0)
     """Median rotation errors to run."""
     out: Path = Path("logs/sweep")
     """Folder for the runs, sweep.csv and sweep.png."""
@@ -38,13 +38,17 @@ class Sweep:
 
         from simpick.evaluation.noise_sweep import NoiseStep, plot_steps, run_step, steps_table, write_csv
 
+        if self.config.perception != "oracle" or self.config.noise_mm or self.config.noise_deg:
+            raise ConfigError(
+                "a sweep sets perception and noise itself, got --perception, --noise-mm or --noise-deg; "
+                "choose the levels with --levels-mm and --levels-deg"
+            )
         console = Console()
-        config = dataclasses.replace(self.config, perception="oracle")
         steps: list[NoiseStep] = []
-        levels = [("mm", value) for value in self.noise_mm] + [("deg", value) for value in self.noise_deg]
+        levels = [("mm", value) for value in self.levels_mm] + [("deg", value) for value in self.levels_deg]
         for unit, value in levels:
             console.print(f"noise: median {value:g} {unit}")
-            steps.append(run_step(config, unit, value, self.out, self.overwrite, self.workers, console))
+            steps.append(run_step(self.config, unit, value, self.out, self.overwrite, self.workers, console))
         console.print(steps_table(steps))
         write_csv(steps, self.out / "sweep.csv")
         plot_steps(steps, self.out / "sweep.png")

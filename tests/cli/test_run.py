@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from simpick.cli.main import main
 from simpick.evaluation.result_store import read_results
 from simpick.recording.read_back import metrics_from_rrd
@@ -52,7 +53,7 @@ def test_the_same_seed_gives_the_same_recording_in_another_process(recorded: lis
 def test_the_table_can_be_recomputed_from_the_recording(recorded: list[Path]) -> None:
     (result,) = read_results(recorded[0] / "results.jsonl")
     from_recording = metrics_from_rrd(next(recorded[0].glob("*.rrd")))
-    without_timings = json.loads(json.dumps([pick for pick in result.to_json(timings=False)["picks"]]))
+    without_timings = json.loads(json.dumps(result.to_json(timings=False)["picks"]))
     again = type(result)(0, 0, result.instances, tuple(from_recording), result.ended).to_json(timings=False)["picks"]
     assert json.loads(json.dumps(again)) == without_timings
 

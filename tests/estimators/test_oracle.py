@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from simpick.errors import ConfigError
 from simpick.estimators.oracle import OracleEstimator, PoseNoise
 from simpick.geometry import Pinhole, invert, random_rotation, rotation_angle, transform

@@ -3,9 +3,9 @@
 import math
 
 import pytest
+
 from simpick.evaluation.grasp_scores import score_grasps
 from simpick.records import PickOutcome
-
 from tests.evaluation.test_result_store import make_pick, make_result
 
 

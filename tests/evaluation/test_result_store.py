@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
+
 from simpick.errors import OutputError
 from simpick.evaluation.result_store import EpisodeResult, ResultStore, read_results
 from simpick.records import PickOutcome, PickRecord, PoseError

@@ -55,9 +55,7 @@ def test_every_module_imports_from_the_wheel(wheel: Path, tmp_path: Path) -> Non
         "[importlib.import_module(n) for n in names];"
         "print(len(names))"
     )
-    run = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, env={"PYTHONPATH": str(tmp_path), "PATH": "", "HOME": str(tmp_path)},
-        capture_output=True, text=True,
-    )  # fmt: skip
+    env = {"PYTHONPATH": str(tmp_path), "PATH": "", "HOME": str(tmp_path)}
+    run = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=env, capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
     assert int(run.stdout) > 30
