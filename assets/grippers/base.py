@@ -55,11 +55,6 @@ class Gripper(Protocol):
         ...
 
     @property
-    def payload_kg(self) -> float:
-        """Return the heaviest part that the gripper is made for."""
-        ...
-
-    @property
     def press_m(self) -> float:
         """Return how far past first contact the TCP should go to lay the suction face on; 0 for the jaw."""
         ...
@@ -91,23 +86,6 @@ class Gripper(Protocol):
     def held_bodies(self, model: mujoco.MjModel, data: mujoco.MjData) -> tuple[int, ...]:
         """Return ids of the bodies that the gripper holds now: between both pads, or under the vacuum."""
         ...
-
-    def contact_force_n(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:
-        """Return the largest normal force on any contact of the gripper's bodies."""
-        ...
-
-
-def largest_contact_force_n(model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> float:
-    """Return the largest normal force among contacts of geoms whose body's name starts with `prefix`."""
-    ours = gripper_geoms(model, prefix)
-    force = np.zeros(6)
-    largest = 0.0
-    for k in range(data.ncon):
-        a, b = data.contact.geom[k]
-        if ours[a] or ours[b]:
-            mujoco.mj_contactForce(model, data, k, force)
-            largest = max(largest, float(force[0]))
-    return largest
 
 
 def gripper_geoms(model: mujoco.MjModel, prefix: str) -> np.ndarray:

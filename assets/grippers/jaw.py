@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from simpick.assets.grippers.base import GripperBoxes, gripper_geoms, largest_contact_force_n, parent_body
+from simpick.assets.grippers.base import GripperBoxes, gripper_geoms, parent_body
 from simpick.assets.mjcf import VISUAL_GROUP
 from simpick.geometry.transforms import transform
 
@@ -54,7 +54,6 @@ class JawGripper:
     prefix: str = "gripper/"
 
     kind: Literal["jaw"] = "jaw"
-    payload_kg: float = 1.0
     max_opening_m: float = JAW_STROKE_M
     press_m: float = 0.0
 
@@ -131,10 +130,6 @@ class JawGripper:
             others = hits[hits != pad]
             touching.append({int(model.geom_bodyid[g]) for g in others if not ours[g]})
         return tuple(sorted(touching[0] & touching[1]))
-
-    def contact_force_n(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:
-        """Return the largest normal force on any contact of the gripper."""
-        return largest_contact_force_n(model, data, self.prefix)
 
 
 def add_jaw_gripper(

@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from simpick.assets.grippers.base import GripperBoxes, largest_contact_force_n, parent_body
+from simpick.assets.grippers.base import GripperBoxes, parent_body
 from simpick.assets.mjcf import COLLISION_GROUP, VISUAL_GROUP
 from simpick.geometry.transforms import transform
 
@@ -54,7 +54,6 @@ class SuctionGripper:
     prefix: str = "gripper/"
 
     kind: Literal["suction"] = "suction"
-    payload_kg: float = 0.4
     max_opening_m: float = 0.0
     press_m: float = 0.003
 
@@ -129,10 +128,6 @@ class SuctionGripper:
         covered = self.covered_cells(model, data)
         held = [body for body, cells in covered.items() if len(cells) >= LEAST_CELLS]
         return tuple(sorted(held, key=lambda body: (-len(covered[body]), body)))
-
-    def contact_force_n(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:
-        """Return the largest normal force on any contact of the gripper."""
-        return largest_contact_force_n(model, data, self.prefix)
 
     def covered_cells(self, model: mujoco.MjModel, data: mujoco.MjData) -> dict[int, set[int]]:
         """Return the cells that each body covers now, by body id: within the foam's reach and facing the cell."""

@@ -24,7 +24,6 @@ class Robot:
     """Joints from the base outwards, without prefix; the position actuators have the same names."""
     home_qpos: Float[np.ndarray, "joints"]
     """Rest pose in radians: out of the overhead camera's view of the bin."""
-    speed_limit_rad_s: float
     servo_command: Callable[..., np.ndarray]
     """``servo_command(q, qd)`` gives the controls that follow a moving target without lag."""
 
@@ -35,7 +34,6 @@ ROBOTS: dict[str, Robot] = {
         add=ur5e.add_ur5e,
         joint_names=ur5e.JOINT_NAMES,
         home_qpos=ur5e.HOME_QPOS,
-        speed_limit_rad_s=ur5e.JOINT_SPEED_LIMIT_RAD_S,
         servo_command=ur5e.servo_command,
     ),
 }

@@ -20,8 +20,7 @@ class Obstruction:
     """Something stands in the arm's way."""
 
     cause: str
-    fixed: bool
-    """Whether it is bin, chute or table, rather than parts or the arm's own limits."""
+    """What it is, in words."""
 
 
 class Monitor:
@@ -87,13 +86,13 @@ class Monitor:
         config = self._config
         if self.fixed_force_n > config.collision_force_n:
             first, second = (describe_geom(self._scene.model, g) for g in self._fixed_pair)
-            return Obstruction(f"{first} pressed on {second} with {self.fixed_force_n:.0f} N", fixed=True)
+            return Obstruction(f"{first} pressed on {second} with {self.fixed_force_n:.0f} N")
         if not holding and self.part_force_n > config.blocked_force_n:
-            return Obstruction(f"parts resisted with {self.part_force_n:.0f} N", fixed=False)
+            return Obstruction(f"parts resisted with {self.part_force_n:.0f} N")
         lag = np.abs(q - q_commanded)
         if lag.max() > config.stall_rad:
             joint = int(np.argmax(lag))
-            return Obstruction(f"joint {joint + 1} lagged its command by {np.rad2deg(lag[joint]):.1f} deg", fixed=False)
+            return Obstruction(f"joint {joint + 1} lagged its command by {np.rad2deg(lag[joint]):.1f} deg")
         return None
 
     def held(self) -> tuple[int, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -86,14 +86,9 @@ class Scene:
         """Return the simulated time since the bin was settled."""
         return float(self.data.time)
 
-    def step(self, steps: int = 1, on_step: Callable[[Scene], None] | None = None) -> None:
-        """Simulate; `on_step` is called after every single step. Raises SimulationFaultError on divergence."""
-        if on_step is None:
-            mujoco.mj_step(self.model, self.data, nstep=steps)
-        else:
-            for _ in range(steps):
-                mujoco.mj_step(self.model, self.data)
-                on_step(self)
+    def step(self, steps: int = 1) -> None:
+        """Simulate so many steps. Raises SimulationFaultError on divergence."""
+        mujoco.mj_step(self.model, self.data, nstep=steps)
         self.check_finite()
         self.update_kinematics()
 

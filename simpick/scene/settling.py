@@ -43,8 +43,6 @@ class Settled:
     """Position (m) and quaternion wxyz of every instance."""
     redropped: int
     """How many times a part had left the bin or run into another one, and was dropped again."""
-    settle_s: float
-    """Simulated time that it took."""
 
 
 def settle(config: SceneConfig, parts: Sequence[Part], rng: np.random.Generator) -> Settled:
@@ -85,7 +83,7 @@ class _Dropping:
                 self._until_still(_FREE_S, windows=3)
                 waiting = self._escaped() or self._colliding()
             if not waiting:
-                return Settled(data.qpos.reshape(-1, 7).copy(), redropped, float(data.time))
+                return Settled(data.qpos.reshape(-1, 7).copy(), redropped)
             redropped += len(waiting)
             without_gain = 0 if len(waiting) < fewest else without_gain + 1
             fewest = min(fewest, len(waiting))

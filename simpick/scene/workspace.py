@@ -16,7 +16,7 @@ CHUTE_CENTRE_M = (0.25, -0.45, 0.0)
 CHUTE = BinConfig(length_m=0.22, width_m=0.22, depth_m=0.10, wall_m=0.006)
 """Inner measures of that container."""
 TABLE_Z_M = -0.008
-"""Height of the table's top; bin and chute stand on it, the arm's pedestal reaches down to it."""
+"""Height of the table's top: the underside of a bin with the default wall."""
 PILE_HEADROOM_M = 0.06
 """Parts that lie on the pile may stand out over the bin's rim by this much and still count as in the bin."""
 
@@ -65,12 +65,6 @@ def bin_zone(bin: BinConfig) -> Box:
 def chute_zone() -> Box:
     """Return where a part's centre lies once the part has been delivered."""
     return _over_floor(CHUTE_CENTRE_M, CHUTE, -0.01, CHUTE.depth_m)
-
-
-def drop_zone() -> Box:
-    """Return where the TCP may let go of a part so that it falls into the chute."""
-    x, y, _ = CHUTE_CENTRE_M
-    return Box((x - 0.03, y - 0.03, CHUTE.depth_m + 0.05), (x + 0.03, y + 0.03, CHUTE.depth_m + 0.15))
 
 
 def tcp_workspace(bin: BinConfig) -> Box:
