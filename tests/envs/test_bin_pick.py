@@ -11,10 +11,11 @@ from gymnasium.utils.env_checker import check_env
 
 import simpick  # noqa: F401 - registers the environments
 from simpick.assets.library import part_names
-from simpick.envs.actions import ABSTAIN
+from simpick.envs.actions import ABSTAIN, encode_action
 from simpick.envs.bin_pick import BinPickEnv
 from simpick.envs.spaces import OUTCOMES, observation_docs, outcome_from_index, outcome_index
 from simpick.errors import ConfigError, UnknownPartError
+from simpick.geometry import transform
 from simpick.records import PickOutcome
 
 pytestmark = pytest.mark.render
@@ -169,3 +170,18 @@ def test_the_documented_table_names_every_observation() -> None:
     docs = observation_docs()
     env = BinPickEnv(parts=part_names()[:1], count=1)
     assert all(f"`{key}`" in docs for key in env.observation_space)
+
+
+def test_a_scene_that_blows_up_ends_as_a_fault_and_the_next_one_is_sound(capfd) -> None:
+    env = BinPickEnv(count=2)
+    env.reset(seed=0)
+    env.scene.data.qvel[:] = 1e7
+    T_world_tcp = transform(np.diag([1.0, -1.0, -1.0]), np.array([0.5, 0.0, 0.05]))
+    observation, _, terminated, _, info = env.step(encode_action(T_world_tcp, 0.05, env.workspace))
+    assert terminated and info["ended"] == "simulation_fault"
+    assert info["pick"].outcome is PickOutcome.SIMULATION_FAULT and "diverged" in info["pick"].cause
+    assert observation in env.observation_space
+    observation, info = env.reset(seed=0)
+    assert observation["remaining"] == 2 and not info["is_success"]
+    env.close()
+    capfd.readouterr()  # MuJoCo warns on the terminal; that is expected here.
