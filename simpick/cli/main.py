@@ -40,8 +40,8 @@ Command = (
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command and return its exit code; errors that simpick raises on purpose print without a traceback."""
-    # One flag each, such as --record; no --no-record, because False is the default.
-    style = (tyro.conf.FlagCreatePairsOff,)
+    # One flag each, such as --record (no --no-record, because False is the default), and no --action.out.
+    style = (tyro.conf.FlagCreatePairsOff, tyro.conf.OmitArgPrefixes)
     command = tyro.cli(Command, prog="simpick", description=DESCRIPTION, args=arguments, config=style)
     try:
         if os.environ.get("MUJOCO_GL"):
