@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from simpick.assets.part import Part
 from simpick.errors import ConfigError
 from simpick.estimators.detection_noise import DetectionNoise, detection_noise, jittered_box, miss_and_merge, ragged
+from simpick.geometry import box_of_mask
 from simpick.records import CameraFrame, Detection
 
 
@@ -87,9 +88,3 @@ class SegmentationDetector:
             box = jittered_box(box, self.noise.box_jitter, self._rng, width, height)
         score = min(float(mask.sum()) / largest_px, 1.0)
         return Detection(part, box, mask, score, instance)
-
-
-def box_of_mask(mask: Bool[np.ndarray, "height width"]) -> Float[np.ndarray, "4"]:
-    """Return the box xyxy in pixels, right and bottom exclusive, around a mask that is not empty."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], float)

@@ -15,7 +15,7 @@ from simpick.errors import ConfigError, UnknownNameError
 from simpick.estimators.retrieval.descriptors import CROP_PX, describe, luminance
 from simpick.estimators.retrieval.template_index import Matches, TemplateIndex, load_index
 from simpick.estimators.retrieval.turned_crops import PADDING
-from simpick.geometry import VirtualCameras, crop_images, transform
+from simpick.geometry import VirtualCameras, box_of_mask, crop_images, transform
 from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
 from simpick.rendering import TemplateConfig
 
@@ -148,10 +148,7 @@ def _mask_and_box(
         raise ConfigError(
             f"mask must have the image's size {width} x {height} px, got {mask.shape[1]} x {mask.shape[0]}"
         )
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    if len(rows) == 0:
-        return None, np.zeros(4)
-    return mask, np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], float)
+    return (mask if mask.any() else None), box_of_mask(mask)
 
 
 def _hypotheses(matches: Matches, cameras: VirtualCameras, rows: Sequence[int]) -> list[tuple[PoseHypothesis, ...]]:

@@ -16,6 +16,7 @@ from simpick.bop.images import find_image, read_color, read_depth, read_mask
 from simpick.bop.json_files import numbers, read_json_by_id, required_id, required_numbers
 from simpick.bop.models import BopModels
 from simpick.errors import DatasetError
+from simpick.geometry.image_boxes import box_of_mask
 from simpick.geometry.transforms import invert
 from simpick.records import CameraFrame, Detection
 
@@ -221,12 +222,6 @@ class BopScene:
 
     def _where(self, name: str, im_id: int) -> str:
         return f"{self._file(name)}, image {im_id}"
-
-
-def box_of_mask(mask: Bool[np.ndarray, "height width"]) -> Float[np.ndarray, "4"]:
-    """Return the ``xyxy`` box around a mask that is not empty, between pixel edges."""
-    columns, rows = np.flatnonzero(mask.any(axis=0)), np.flatnonzero(mask.any(axis=1))
-    return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], float)
 
 
 def _ranges(ids: tuple[int, ...]) -> str:

@@ -14,7 +14,7 @@ units          SI: m, kg, s, rad, N. A suffix where a name could be doubted: ``_
 part frame     origin at the centre of the mesh's axis-aligned bounding box; `Part.T_cad_part` leads back to the
                CAD file's own frame.
 TCP frame      +z approaches the part; the jaw's fingers close along x; origin midway between the finger pads,
-               for suction at the centre of the cup's lip.
+               for suction at the centre of the unloaded face.
 world frame    +z up, z = 0 the floor of the bin; the arm's base at the origin, the bin ahead of it along +x.
 randomness     an argument (`numpy.random.Generator`, `torch.Generator`); never a global seed or draw.
 =============  ==================================================================================================
@@ -26,6 +26,7 @@ from simpick.geometry.crops import VirtualCameras as VirtualCameras
 from simpick.geometry.crops import aim_virtual_cameras as aim_virtual_cameras
 from simpick.geometry.crops import crop_image as crop_image
 from simpick.geometry.crops import crop_images as crop_images
+from simpick.geometry.image_boxes import box_of_mask as box_of_mask
 from simpick.geometry.mesh_sampling import farthest_points as farthest_points
 from simpick.geometry.mesh_sampling import sample_surface as sample_surface
 from simpick.geometry.pinhole import Pinhole as Pinhole

@@ -11,8 +11,7 @@ from simpick.estimators import PoseEstimator
 from simpick.estimators.retrieval import RetrievalConfig, RetrievalEstimator, template_index
 from simpick.estimators.retrieval.descriptors import CROP_PX, describe
 from simpick.estimators.retrieval.turned_crops import _turned_boxes
-from simpick.estimators.segmentation_detector import box_of_mask
-from simpick.geometry import Pinhole, random_rotation, transform
+from simpick.geometry import Pinhole, box_of_mask, random_rotation, transform
 from simpick.records import CameraFrame, Detection
 from simpick.rendering import TemplateConfig, load_templates, render_part_views
 
