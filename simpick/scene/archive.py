@@ -25,6 +25,8 @@ STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 class SceneArchive:
     """What the file holds."""
 
+    mujoco_version: str
+    """Of the MuJoCo that wrote it, whose state's layout it is."""
     config: SceneConfig
     seed: int
     part_hashes: tuple[str, ...]
@@ -41,7 +43,7 @@ def write_archive(path: Path, archive: SceneArchive) -> None:
     """Write `archive` to `path`; raises OutputError where that is impossible."""
     header = {
         "format": _FORMAT,
-        "mujoco": mujoco.__version__,
+        "mujoco": archive.mujoco_version,
         "config": archive.config.to_dict(),
         "seed": archive.seed,
         "part_hashes": archive.part_hashes,
@@ -66,6 +68,7 @@ def read_archive(path: Path) -> SceneArchive:
         if header["format"] != _FORMAT:
             raise SceneError(f"{path} must have the format {_FORMAT}, got {header['format']}; build the scene anew")
         return SceneArchive(
+            header["mujoco"],
             SceneConfig.from_dict(header["config"]),
             header["seed"],
             tuple(header["part_hashes"]),

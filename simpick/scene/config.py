@@ -6,6 +6,7 @@ import math
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from simpick.assets.robots.registry import get_robot
 from simpick.errors import ConfigError, UnknownNameError
 from simpick.scene.physics import PhysicsConfig
 from simpick.scene.randomization import RANDOMIZATIONS
@@ -96,6 +97,8 @@ class SceneConfig:
             raise ConfigError(f"parts must be distinct, got {', '.join(self.parts)}; name each part once")
         if not 1 <= self.count <= MAX_PARTS:
             raise ConfigError(f"count must be between 1 and {MAX_PARTS} parts, got {self.count}")
+        if self.robot is not None:
+            get_robot(self.robot)
         if self.gripper not in GRIPPERS:
             raise UnknownNameError("gripper", self.gripper, GRIPPERS)
         if self.randomization not in RANDOMIZATIONS:

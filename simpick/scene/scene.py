@@ -222,14 +222,22 @@ class Scene:
         mujoco.mj_getState(self.model, self.data, state, STATE)
         hashes = tuple(i.part.content_hash for i in self.instances)
         sleep = sleep_state(self.data)
-        write_archive(path, SceneArchive(self.config, self.seed, hashes, self.removed, self.redropped, state, sleep))
+        version = mujoco.__version__
+        write_archive(
+            path, SceneArchive(version, self.config, self.seed, hashes, self.removed, self.redropped, state, sleep)
+        )
         return path
 
     @staticmethod
     def load(path: str | Path) -> Scene:
-        """Read a scene that `save` wrote; raises SceneError where the file or a part has changed since."""
+        """Read a scene that `save` wrote; raises SceneError where the file, a part or MuJoCo has changed since."""
         path = Path(path)
         archive = read_archive(path)
+        if archive.mujoco_version != mujoco.__version__:
+            raise SceneError(
+                f"{path} must be of MuJoCo {mujoco.__version__}, which is installed, got {archive.mujoco_version}:"
+                " another version may store and continue the state differently; build the scene anew"
+            )
         config, seed = archive.config, archive.seed
         parts = draw_parts([get_part(name) for name in config.parts], config.count, seed)
         for part, expected in zip(parts, archive.part_hashes, strict=True):

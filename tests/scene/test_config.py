@@ -25,7 +25,7 @@ def test_unknown_names_list_those_that_exist():
     with pytest.raises(UnknownNameError, match=r"no randomization preset named 'wild'. Valid: default, none, strong\."):
         SceneConfig(randomization="wild")
     with pytest.raises(UnknownNameError, match=r"no robot named 'kuka'. Valid: .*ur5e"):
-        build_scene(SceneConfig(robot="kuka"), seed=0)
+        SceneConfig(robot="kuka")
 
 
 def test_millimetres_in_place_of_metres_are_noticed():

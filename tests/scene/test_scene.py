@@ -144,6 +144,13 @@ def test_files_that_are_no_scene_are_told_apart(scene, tmp_path):
         scene.save(tmp_path / "missing" / "scene.npz")
 
 
+def test_a_scene_of_another_mujoco_is_noticed(scene, tmp_path):
+    path = scene.save(tmp_path / "scene.npz")
+    write_archive(path, replace(read_archive(path), mujoco_version="1.50"))
+    with pytest.raises(SceneError, match=r"scene.npz must be of MuJoCo \d.*, got 1\.50"):
+        Scene.load(path)
+
+
 def test_a_part_that_has_changed_since_saving_is_noticed(scene, tmp_path):
     path = scene.save(tmp_path / "scene.npz")
     archive = read_archive(path)
