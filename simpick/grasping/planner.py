@@ -47,7 +47,8 @@ class PlannerConfig:
     """Where parts lie entangled, the gripper may brush others: at most so many of the 700 points drawn on each part
     may lie in its way. Parts yield; a solid hit would cover far more."""
     touching_factor: float = 0.05
-    """Worth of a grasp that brushes other parts, against a free one: it is tried when nothing else is left."""
+    """Worth of a grasp that brushes other parts, against a free one, divided again by 1 + the points touched: it is
+    tried when nothing else is left."""
     approach_m: float = 0.08
     """Length of the straight approach that must be free."""
     grasps_per_target: int = 6
@@ -60,6 +61,8 @@ class PlannerConfig:
             raise ConfigError(f"largest_tilt_deg must be in (0, 90], got {self.largest_tilt_deg}")
         if not self.side_clearances_m or min(self.side_clearances_m) < 0:
             raise ConfigError(f"side_clearances_m must hold values of at least 0, got {self.side_clearances_m}")
+        if not self.most_back_off_m > 0:
+            raise ConfigError(f"most_back_off_m must be positive, got {self.most_back_off_m}")
         if self.grasps_per_target < 1 or self.tries_per_target < 1:
             raise ConfigError(
                 "grasps_per_target and tries_per_target must be at least 1, got "
@@ -182,7 +185,10 @@ class GraspPlanner:
     def _off_the_floor(
         self, T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float
     ) -> tuple[Float[np.ndarray, "4 4"], float]:
-        """Return the grasp drawn back along its approach until the fingertips clear the floor, and by how much."""
+        """Return the grasp drawn back along its approach until the fingertips clear the floor, and by how much (m).
+
+        A suction face that would lie lower than the floor is left where it is, for `_clears_bin` to refuse.
+        """
         if self.kind == "suction":
             return T_world_tcp, 0.0
         lowest_m = float(transform_points(T_world_tcp, box_surface_points(self.gripper.boxes(opening_m)))[:, 2].min())
@@ -193,12 +199,11 @@ class GraspPlanner:
         return drawn_back, back_m
 
     def _clears_bin(self, T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float) -> bool:
-        """Return whether the open gripper and its straight approach keep clear of the bin's floor and walls."""
+        """Return whether the open gripper and its straight approach keep clear of the bin's walls and floor."""
         boxes = self.gripper.boxes(opening_m)
         config = self.config
         body = transform_points(T_world_tcp, box_surface_points(boxes))
-        floor = config.floor_clearance_m if self.kind == "jaw" else 0.0
-        if body[:, 2].min() < floor:
+        if body[:, 2].min() < 0.0:
             return False
         for back in (0.0, 0.5 * config.approach_m, config.approach_m):
             points = body - back * T_world_tcp[:3, 2]
@@ -215,18 +220,19 @@ class GraspPlanner:
     ) -> int:
         """Return how many points on other parts lie in the way of the open gripper and its straight approach.
 
-        Points between the jaw's pads count as very many: what lies there would be carried along.
+        Points between the jaw's pads count as one too many: what lies there would be carried along.
         """
         config = self.config
         boxes = self.gripper.boxes(opening_m)
         points = (obstacles - T_world_tcp[:3, 3]) @ T_world_tcp[:3, :3]
         # A quick look first: most points lie below the fingertips or far to the side.
-        reach = 0.08
-        points = points[(points[:, 2] < TIP_BEYOND_TCP_M + 0.002) & (np.abs(points[:, :2]).max(axis=1) < reach)]
+        lowest, widest = boxes[..., 2].max() + config.part_clearance_m, np.abs(boxes[..., :2]).max()
+        beside = np.abs(points[:, :2]).max(axis=1) < widest + config.part_clearance_m
+        points = points[(points[:, 2] < lowest) & beside]
         touched = int(points_in_boxes(points, swept_back(boxes, config.approach_m), config.part_clearance_m).sum())
         if self.kind == "jaw":
             lower = [-opening_m / 2, -PAD_WIDTH_M / 2, -PAD_ABOVE_TCP_M]
             upper = [opening_m / 2, PAD_WIDTH_M / 2, TIP_BEYOND_TCP_M]
             if points_in_boxes(points, np.array([[lower, upper]])).any():
-                return len(obstacles)
+                return config.most_points_touched + 1
         return touched
