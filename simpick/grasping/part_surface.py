@@ -22,7 +22,7 @@ class PartSurface:
         self.points: Float[np.ndarray, "n 3"] = np.asarray(drawn, float)
         self.normals: Float[np.ndarray, "n 3"] = np.asarray(part.mesh.face_normals, float)[faces]
         self.area_per_point_m2 = float(part.mesh.area) / points
-        self.centre_of_mass_m: Float[np.ndarray, "3"] = np.asarray(part.mesh.center_mass, float)
+        self.centre_of_mass_m: Float[np.ndarray, "3"] = np.asarray(part.solid.center_mass, float)
         # MuJoCo's rays use a bounding volume hierarchy, which neither trimesh nor a loop over triangles offers.
         spec = mujoco.MjSpec()
         add_part(spec, part, "part", free=False, collide=False)

@@ -42,8 +42,8 @@ def shape_signature(part: Part) -> Float[np.ndarray, "13"]:
     Shipped grasps are recognised by it rather than by `Part.content_hash`, which changes with the last bit of a
     vertex and so with the version of the geometry library that builds the part.
     """
-    inertia = np.asarray(part.mesh.moment_inertia)[np.triu_indices(3)] * part.density_kg_m3 * 1e9
-    centre = np.asarray(part.mesh.center_mass) * 1e3
+    inertia = np.asarray(part.solid.moment_inertia)[np.triu_indices(3)] * part.density_kg_m3 * 1e9
+    centre = np.asarray(part.solid.center_mass) * 1e3
     return np.concatenate([part.extents_m * 1e3, [part.mass_kg * 1e3], centre, inertia])
 
 

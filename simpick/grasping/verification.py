@@ -2,7 +2,8 @@
 
 The gripper is fixed in space with its approach pointing down and grips the floating part; then it is lifted, shaken
 and tilted. It stands still while gravity moves: by d'Alembert's principle a part in an accelerating or tilting hand
-feels exactly this, and a hand that does not move needs no controller. The contact settings are the scene's.
+feels exactly this, and a hand that does not move needs no controller. Solver and time step are the scene's, and so
+are the contacts that hold, for pads and cells have priority over whatever a part's own settings are.
 """
 
 from __future__ import annotations
@@ -92,7 +93,7 @@ class GraspBench:
         joint = self.model.joint("part")
         self._qpos, self._dof = int(joint.qposadr[0]), int(joint.dofadr[0])
         self._body = self.model.body("part").id
-        self._com = np.asarray(part.mesh.center_mass)
+        self._com = np.asarray(part.solid.center_mass)
 
     def holds(self, grasp: Grasp) -> float:
         """Return 0 where the part is lost or moves too far in the hand, else how still it stays, in (0, 1]."""
