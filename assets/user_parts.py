@@ -136,7 +136,9 @@ def user_parts_dir() -> Path:
 def user_part_names() -> list[str]:
     """Return the names of registered parts, sorted."""
     folder = user_parts_dir()
-    return sorted(entry.parent.name for entry in folder.glob(f"*/{_SETTINGS}")) if folder.is_dir() else []
+    names = [entry.parent.name for entry in folder.glob(f"*/{_SETTINGS}")] if folder.is_dir() else []
+    # A folder with a dot is one that another process is still filling, or was killed over.
+    return sorted(name for name in names if not name.startswith("."))
 
 
 def add_user_part(

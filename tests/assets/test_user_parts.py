@@ -2,6 +2,7 @@
 
 import json
 import logging
+import shutil
 
 import numpy as np
 import pytest
@@ -217,6 +218,13 @@ def test_name_clashes_are_errors(tmp_path):
         add_user_part(path, name="hex_nut")
     with pytest.raises(ConfigError, match="must start with a letter"):
         add_user_part(path, name="../evil")
+
+
+def test_a_part_that_is_still_being_added_is_not_listed(tmp_path):
+    add_user_part(box_file(tmp_path, [60, 20, 10]), name="brick")
+    folder = user_parts.user_parts_dir()
+    shutil.copytree(folder / "brick", folder / ".block-x1y2z3")
+    assert user_parts.user_part_names() == ["brick"]
 
 
 def test_replacing_a_part_takes_effect_at_once(tmp_path):
