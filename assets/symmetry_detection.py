@@ -37,7 +37,7 @@ def detect_symmetries(mesh: trimesh.Trimesh, tolerance_m: float | None = None) -
     """Return the rotations that map a watertight mesh onto itself within `tolerance_m` (default: 0.6 % of its size).
 
     A sphere has more symmetries than any list: it comes back as all turns about z times 161 tilts, so that some
-    element lies within 8 degrees of any rotation.
+    element lies within 11 degrees of any rotation (6 on average).
     """
     return _Detector(mesh, tolerance_m).detect()
 

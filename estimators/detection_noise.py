@@ -60,7 +60,7 @@ def miss_and_merge(
 ) -> dict[int, tuple[int, ...]]:
     """Return which instances each detection's mask covers, its own first, by the detection's instance.
 
-    Draws the same numbers whatever happens, so that one change of the noise changes one thing.
+    Draws two numbers for each of `found` whatever the noise is, so that a change of one chance leaves the other alone.
     """
     chances = rng.random((len(found), 2))
     covers: dict[int, tuple[int, ...]] = {int(k): (int(k),) for k in found}

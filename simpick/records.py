@@ -98,7 +98,7 @@ class PickOutcome(StrEnum):
     DOUBLE_PICK = "double_pick"
     """More than one part was carried away at once."""
     EJECTED = "ejected"
-    """A part was pushed out of the bin and did not reach the chute."""
+    """A part left the bin without being carried: pushed out, knocked into the chute, or stuck to the gripper."""
     SIMULATION_FAULT = "simulation_fault"
     """The physics blew up (NaN, divergence); the pick says nothing about perception."""
 
@@ -151,6 +151,6 @@ class PickRecord:
     gripped: tuple[int, ...] = ()
     """Instances that the gripper held after closing."""
     peak_force_n: float = 0.0
-    """Largest contact force on the gripper's pads or cup."""
+    """Largest contact force on the jaw's pads or the suction face's cells."""
     timings_s: dict[str, float] = field(default_factory=dict)
     """Wall-clock seconds by stage (render, detect, estimate, plan, simulate); excluded from equality checks."""

@@ -38,7 +38,7 @@ T_BASE_DH = transform(np.diag([-1.0, -1.0, 1.0]))
 """Leads from the frame of joint 1 at q = 0 to the mounting plane's frame."""
 
 HOME_QPOS = np.array([-1.30, -1.66, 1.56, 0.10 - np.pi / 2, -np.pi / 2, -1.30])
-"""Tool pointing down, about 0.35 m above the chute, elbow up: out of the overhead camera's view of the bin."""
+"""Tool pointing down, the flange 0.52 m above the chute, elbow up: out of the overhead camera's view of the bin."""
 
 _LINK_RGB = (0.80, 0.81, 0.82)
 _CAP_RGB = (0.36, 0.56, 0.74)
@@ -132,7 +132,7 @@ def add_ur5e(
     Bodies, joints and position actuators are named `prefix` plus `JOINT_NAMES`; the base is ``base``, the site
     ``flange`` (+z out of the flange). Gravity is compensated in the arm's own links, as the maker's controller does;
     a gripper must see to itself. Command positions through `servo_command`. In contact the arm meets everything but
-    itself: `simpick.motion.Kinematics` rules out poses in which it would.
+    itself: `simpick.motion.PickPlanner` rules out ways on which it would.
     """
     for look, rgb, specular in (("link", _LINK_RGB, 0.5), ("cap", _CAP_RGB, 0.4), ("dark", _DARK_RGB, 0.3)):
         spec.add_material(name=f"{prefix}{look}", rgba=[*rgb, 1.0], specular=specular, shininess=0.5)

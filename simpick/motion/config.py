@@ -22,8 +22,8 @@ class MotionConfig:
     jaw_loaded_fraction: float = 0.8
     """Acceleration with a part between the jaw's pads, as a fraction of the acceleration without."""
     suction_loaded_fraction: float = 0.4
-    """The same for a part under the suction cup: at 0.8, four of 29 parts peeled off the cup on the way to the chute,
-    at 0.4 none of 24."""
+    """The same for a part under the suction head: at 0.8, four of 29 parts peeled off on the way to the chute, at 0.4
+    none of 24."""
     control_period_s: float = 0.01
     """Time between two commands to the servos, each followed by a look at contacts."""
     approach_m: float = 0.08
@@ -43,7 +43,7 @@ class MotionConfig:
     stall_rad: float = 0.04
     """A joint that lags its command by more than this is stalled."""
     suction_search_m: float = 0.008
-    """How far beyond the commanded pose a suction cup looks for the surface."""
+    """How far beyond the commanded pose the suction head looks for the surface."""
     settle_s: float = 1.5
     """Longest wait for parts to come to rest after a pick; not counted as motion."""
 

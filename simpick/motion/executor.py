@@ -203,10 +203,10 @@ class PickExecutor:
         return None
 
     def _probe(self, probe: Trajectory) -> Obstruction | None:
-        """Go on slowly until the cup seals, then stop; the end of the way without a seal is no obstruction."""
+        """Go on slowly until the suction face holds a part, then stop; to find none is no obstruction."""
         model, data = self.scene.model, self.scene.data
-        t, sealed = 0.0, 0
-        while t < probe.duration_s and sealed < _SEATED_TICKS:
+        t, seated = 0.0, 0
+        while t < probe.duration_s and seated < _SEATED_TICKS:
             t += self._period_s
             q, qd = probe.state(t)
             self._tick(q, qd)
@@ -214,16 +214,16 @@ class PickExecutor:
             if blocked is not None:
                 self._halt()
                 return blocked
-            if sealed == 0 and self._monitor.part_force_n > 0:
+            if seated == 0 and self._monitor.part_force_n > 0:
                 self._gripper.grip(model, data)
-            sealed = sealed + 1 if self._monitor.held() else 0
+            seated = seated + 1 if self._monitor.held() else 0
         self._dwell(0.05)
         return None
 
     def _empty_grip(self) -> str:
         """Return in words how the gripper found nothing."""
         if self._gripper.kind == "suction":
-            return "the cup did not seal on any surface at stage grip"
+            return "the suction face found no surface to hold at stage grip"
         opening_mm = 1000 * self._gripper.opening_m(self.scene.model, self.scene.data)
         if opening_mm < 0.5:
             return f"fingers closed to {max(opening_mm, 0.0):.1f} mm at stage grip: nothing between the pads"

@@ -25,8 +25,8 @@ class GripperServo:
     def command(self, model: mujoco.MjModel, data: mujoco.MjData, rate: float, period_s: float) -> None:
         """Set the controls for one period of at most 20 ms; `rate` in [-1, 1]: positive closes, negative opens.
 
-        A jaw moves at `rate` times `JAW_SPEED_M_S`, and squeezes with full force what stops it. A suction cup only
-        heeds the sign: vacuum on, which holds wherever and whenever the lip seals, or off.
+        A jaw moves at `rate` times `JAW_SPEED_M_S`, and squeezes with full force what stops it. A suction head
+        only heeds the sign: vacuum on, which holds wherever and whenever enough cells are covered, or off.
         """
         if self._gripper.kind == "suction":
             self._vacuum = rate > 0 or (self._vacuum and rate == 0)

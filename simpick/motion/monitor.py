@@ -38,7 +38,7 @@ class Monitor:
         self._is_pad[self._pads] = True
         self._instance_of_body = {i.body_id: i.instance for i in scene.instances}
         self.peak_force_n = 0.0
-        """Largest sum of normal forces on any one pad, or segment of the cup's lip, so far."""
+        """Largest sum of normal forces on any one of the jaw's pads or the suction face's cells, so far."""
         self.fixed_force_n = 0.0
         """Largest normal force between the robot and what never moves, now."""
         self.part_force_n = 0.0
@@ -99,7 +99,7 @@ class Monitor:
         """Return the instances that the gripper holds now.
 
         A jaw holds what lies between its pads: one part that presses on both, or else several in a row, of which
-        each pad feels one. A cup holds what it seals on.
+        each pad feels one. A suction head holds what covers enough of its cells.
         """
         if self._gripper.kind == "jaw":
             left, right = self._on_pads

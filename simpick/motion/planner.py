@@ -22,7 +22,7 @@ from simpick.scene.workspace import CHUTE_CENTRE_M
 _SUCTION_YAWS = 8
 _DROP_YAWS = 8
 _TOOL_DOWN = np.diag([1.0, -1.0, -1.0])
-_ROOM_FOR_STRETCH = 3
+_LIFT_TRIES = 4
 _PROBE_FRACTION = 0.015
 
 
@@ -37,7 +37,7 @@ class PickPlan:
     descent: PathTrajectory
     """Straight down, then along the tool's axis to the grasp; for suction to just before it."""
     probe: PathTrajectory | None
-    """Suction only: slowly on along the tool's axis, past the grasp, until the cup seals."""
+    """Suction only: slowly on along the tool's axis, past the grasp, until the face holds a part."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class PickPlanner:
     def plan(self, T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float) -> PickPlan | NoPlan:
         """Return the quickest way from home to the TCP pose with the jaw opened to `opening_m`.
 
-        Orientations that make the same grasp compete: both of a jaw's, eight of a suction cup's turn about its axis.
+        Orientations that make the same grasp compete: both of a jaw's, eight turns of a suction head about its axis.
         """
         home = self.robot.home_qpos
         if self.gripper.kind == "jaw":
@@ -103,7 +103,7 @@ class PickPlanner:
             probing = line(T_world_end, T_world_deepest, spacing_m=0.004)
             q_probe = kinematics.follow(probing, q_grasp)
             if q_probe is None:
-                return NoPlan("the arm cannot press the cup along its axis from there")
+                return NoPlan("the arm cannot press the suction face along its axis from there")
             probe = self.trajectory(q_probe, probing, _PROBE_FRACTION)
             q_grasp = q_probe[0]
         T_world_pre = _shifted(T_world_end, -motion.approach_m)
@@ -135,7 +135,7 @@ class PickPlanner:
         height = self.motion.lift_height_m if height_m is None else height_m
         T_world_start = self.kinematics.forward(q)
         rise = height - T_world_start[2, 3]
-        for share in np.linspace(1.0, 0.25, _ROOM_FOR_STRETCH + 1):
+        for share in np.linspace(1.0, 0.25, _LIFT_TRIES):
             if rise * share < 2e-3:
                 return None
             T_world_end = T_world_start.copy()
@@ -147,13 +147,21 @@ class PickPlanner:
         return None
 
     def drop_pose(self, q: Float[np.ndarray, "joints"]) -> Float[np.ndarray, "joints"]:
-        """Return the joint angles over the chute, tool down, for the quickest way there from `q` and then home."""
+        """Return the joint angles over the chute, tool down, for the quickest way there from `q` and then home.
+
+        Ways that are free of the cell come first. Raises ConfigError where the arm does not reach up there at all.
+        """
         home = self.robot.home_qpos
         target = np.array([CHUTE_CENTRE_M[0], CHUTE_CENTRE_M[1], CHUTE_CENTRE_M[2] + self.motion.release_height_m])
         solutions = []
         for k in range(_DROP_YAWS):
             R = so3_exp(np.array([0.0, 0.0, 2 * np.pi * k / _DROP_YAWS])) @ _TOOL_DOWN
             solutions += self.kinematics.solve_all(transform(R, target), q)
+        if not solutions:
+            raise ConfigError(
+                f"motion release_height_m must be a height over the chute that the arm reaches, got"
+                f" {self.motion.release_height_m}; the default is {MotionConfig().release_height_m}"
+            )
         solutions.sort(key=lambda s: float(np.abs(s - q).max() + np.abs(s - home).max()))
         for solution in solutions:
             if self.collision.path_contact(np.stack([q, solution, home])) is None:

@@ -19,7 +19,7 @@ class PickResult:
     motion_s: float
     """Simulated time from leaving home to being back; 0 where the arm never left."""
     peak_force_n: float
-    """Largest contact force on the gripper's pads or cup."""
+    """Largest contact force on the jaw's pads or the suction face's cells."""
     delivered: tuple[int, ...]
     """Instances that came to lie in the chute; they have been removed from the scene."""
     ejected: tuple[int, ...]

@@ -54,8 +54,9 @@ class Verdict:
 def judge(evidence: Evidence) -> Verdict:
     """Return the outcome by where the parts ended; how it came to it is the cause.
 
-    What counts first, in this order: a diverged simulation; more than one part carried away; exactly one delivered;
-    the gripped part lost; parts pushed out; collision; nothing gripped.
+    What counts first, in this order: a diverged simulation; no way to the grasp; more than one part carried away; a
+    part that sticks to the gripper; parts pushed out, or into the chute; one delivered; collision; the gripped part
+    lost; nothing gripped.
     """
     if evidence.fault is not None:
         return Verdict(PickOutcome.SIMULATION_FAULT, evidence.fault, (), ())

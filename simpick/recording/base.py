@@ -15,7 +15,8 @@ An episode is told as a sequence of events::
             recorder.end_pick(record)
         recorder.end_episode({"success_rate": ...})
 
-Every event between `start_episode` and `end_episode` belongs to the simulated time of the latest `tick`.
+Every event between `start_episode` and `end_episode` belongs to the simulated time of the latest `tick` that the
+recorder has noted.
 """
 
 from __future__ import annotations

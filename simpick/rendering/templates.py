@@ -32,7 +32,8 @@ class TemplateConfig:
     """Which views of a part are rendered."""
 
     views: int = 162
-    """Directions on the view sphere: 42, 162 or 642 (15, 8 or 4 degrees from any direction to the next)."""
+    """Directions on the view sphere: 12, 42, 162, 642 or 2562 (at most 37, 21, 11, 5.4 or 2.7 degrees from any
+    direction to the nearest)."""
     size_px: int = 128
     """Width and height of each image."""
     distance_diameters: float = 10.0

@@ -18,7 +18,7 @@ OVERHEAD, WRIST, OVERVIEW = "overhead", "wrist", "overview"
 
 _OVERVIEW_EYE_M = np.array([1.45, -1.05, 0.95])
 _OVERVIEW_TARGET_M = np.array([0.30, -0.12, 0.17])
-# Beside the palm, off the fingers' closing axis (x), tilted so that its axis meets theirs 6 cm below the TCP.
+# Beside the palm, off the fingers' closing axis (x), tilted so that its axis meets theirs about 5 cm beyond the TCP.
 _WRIST_EYE_M = np.array([0.0, -0.070, 0.045])
 _WRIST_TARGET_M = np.array([0.0, 0.0, 0.26])
 

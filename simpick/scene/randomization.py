@@ -22,7 +22,7 @@ class Randomization:
     lights: tuple[int, int] = (2, 2)
     """Fewest and most lamps besides the ambient light."""
     light_spread_m: float = 0.0
-    """Half side of the square in which each lamp is moved about its place."""
+    """Half side of the square in which each lamp is moved about its place; in height by half as much."""
     light_intensity: tuple[float, float] = (1.0, 1.0)
     """Factor on the brightness of all lamps."""
     light_tint: float = 0.0

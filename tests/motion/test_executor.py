@@ -82,10 +82,10 @@ def test_closing_on_nothing_is_missed():
     assert scene.parts_in_bin() == (0, 1)
 
 
-def test_a_cup_that_finds_no_surface_is_missed():
+def test_a_suction_face_that_finds_no_surface_is_missed():
     result = PickExecutor(_scene("suction")).execute(_tcp(y=-0.02, z=0.03), 0.0)
     assert result.outcome is PickOutcome.MISSED
-    assert "did not seal" in result.cause
+    assert "found no surface to hold" in result.cause
 
 
 def test_beyond_reach_is_unreachable_and_the_arm_stays():
@@ -242,6 +242,12 @@ def test_motion_config_errors_say_what_to_do():
         MotionConfig(joint_speed_rad_s=9.0)
     with pytest.raises(ConfigError, match=r"suction_loaded_fraction must be at most 1, got 2"):
         MotionConfig(suction_loaded_fraction=2.0)
+
+
+def test_a_chute_beyond_reach_is_refused():
+    planner = PickPlanner(SceneConfig(), MotionConfig(release_height_m=1.2))
+    with pytest.raises(ConfigError, match=r"release_height_m must be a height .* that the arm reaches, got 1\.2"):
+        planner.drop_pose(planner.robot.home_qpos)
 
 
 def test_a_scene_without_an_arm_is_refused():
