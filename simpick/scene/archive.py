@@ -15,7 +15,7 @@ from jaxtyping import Float
 from simpick.errors import OutputError, SceneError
 from simpick.scene.config import SceneConfig
 
-_FORMAT = "simpick-scene-1"
+_FORMAT = "simpick-scene-2"
 _SLEEP_PREFIX = "sleep/"
 STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 """All that MuJoCo integrates, controls and warm start included."""
@@ -37,6 +37,8 @@ class SceneArchive:
     """MuJoCo's integration state."""
     sleep: dict[str, np.ndarray]
     """Who sleeps, from `sleep_state`."""
+    adhesion_n: Float[np.ndarray, "geoms"]
+    """The model's `geom_adhesion`: a suction gripper's vacuum, which is no part of MuJoCo's state."""
 
 
 def write_archive(path: Path, archive: SceneArchive) -> None:
@@ -53,7 +55,8 @@ def write_archive(path: Path, archive: SceneArchive) -> None:
     try:
         with path.open("wb") as file:
             sleep: dict[str, Any] = {_SLEEP_PREFIX + name: value for name, value in archive.sleep.items()}
-            np.savez_compressed(file, header=np.array(json.dumps(header)), state=archive.state, **sleep)
+            header_text = np.array(json.dumps(header))
+            np.savez_compressed(file, header=header_text, state=archive.state, adhesion_n=archive.adhesion_n, **sleep)
     except OSError as error:
         raise OutputError(f"cannot write the scene to {path}: {error.strerror}; choose a writable folder") from error
 
@@ -63,19 +66,20 @@ def read_archive(path: Path) -> SceneArchive:
     try:
         with np.load(path, allow_pickle=False) as file:
             header = json.loads(str(file["header"]))
-            state = file["state"]
+            if header["format"] != _FORMAT:
+                raise SceneError(f"{path} must have the format {_FORMAT}, got {header['format']}; build the scene anew")
+            state, adhesion_n = file["state"], file["adhesion_n"]
             sleep = {name.removeprefix(_SLEEP_PREFIX): file[name] for name in file if name.startswith(_SLEEP_PREFIX)}
-        if header["format"] != _FORMAT:
-            raise SceneError(f"{path} must have the format {_FORMAT}, got {header['format']}; build the scene anew")
         return SceneArchive(
-            header["mujoco"],
-            SceneConfig.from_dict(header["config"]),
-            header["seed"],
-            tuple(header["part_hashes"]),
-            tuple(header["removed"]),
-            header["redropped"],
-            state,
-            sleep,
+            mujoco_version=header["mujoco"],
+            config=SceneConfig.from_dict(header["config"]),
+            seed=header["seed"],
+            part_hashes=tuple(header["part_hashes"]),
+            removed=tuple(header["removed"]),
+            redropped=header["redropped"],
+            state=state,
+            sleep=sleep,
+            adhesion_n=adhesion_n,
         )
     except FileNotFoundError as error:
         raise SceneError(f"no scene file at {path}; write one with Scene.save") from error

@@ -221,11 +221,18 @@ class Scene:
         state = np.zeros(mujoco.mj_stateSize(self.model, STATE))
         mujoco.mj_getState(self.model, self.data, state, STATE)
         hashes = tuple(i.part.content_hash for i in self.instances)
-        sleep = sleep_state(self.data)
-        version = mujoco.__version__
-        write_archive(
-            path, SceneArchive(version, self.config, self.seed, hashes, self.removed, self.redropped, state, sleep)
+        archive = SceneArchive(
+            mujoco_version=mujoco.__version__,
+            config=self.config,
+            seed=self.seed,
+            part_hashes=hashes,
+            removed=self.removed,
+            redropped=self.redropped,
+            state=state,
+            sleep=sleep_state(self.data),
+            adhesion_n=self.model.geom_adhesion.copy(),
         )
+        write_archive(path, archive)
         return path
 
     @staticmethod
@@ -249,6 +256,7 @@ class Scene:
         scene = Scene(config, seed, parts, compose_scene(config, parts, seed).compile())
         scene.redropped = archive.redropped
         scene._removed = set(archive.removed)
+        scene.model.geom_adhesion[:] = archive.adhesion_n
         scene._restore(archive.state, archive.sleep)
         return scene
 

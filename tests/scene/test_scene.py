@@ -134,6 +134,23 @@ def test_a_saved_scene_continues_bit_for_bit(scene, tmp_path):
     np.testing.assert_array_equal(again.data.qvel, scene.data.qvel)
 
 
+def test_a_saved_vacuum_still_holds(tmp_path):
+    scene = build_scene(SceneConfig(parts=("terminal_block",), count=1, gripper="suction"), seed=0)
+    gripper = scene.gripper
+    face = scene.data.site(gripper.tcp_site).xpos
+    half_height = scene.instances[0].part.extents_m[2] / 2
+    scene.place({0: transform(translation=face - [0, 0, half_height + 0.0005])})
+    for one in (scene, Scene.load(scene.save(tmp_path / "before.npz"))):
+        assert gripper.held_bodies(one.model, one.data) == ()
+    gripper.grip(scene.model, scene.data)
+    scene.step(100)
+    again = Scene.load(scene.save(tmp_path / "held.npz"))
+    for one in (scene, again):
+        one.step(100)
+        assert gripper.held_bodies(one.model, one.data) == (one.instances[0].body_id,)
+    np.testing.assert_array_equal(again.data.qpos, scene.data.qpos)
+
+
 def test_files_that_are_no_scene_are_told_apart(scene, tmp_path):
     with pytest.raises(SceneError, match="no scene file at"):
         Scene.load(tmp_path / "none.npz")
