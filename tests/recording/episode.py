@@ -90,6 +90,8 @@ def main() -> None:
     if event == "terminate":
         os.kill(os.getpid(), signal.SIGTERM)
     if event == "interrupt":
+        # A shell starts background jobs with interrupts ignored, and children inherit that: undo it.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         os.kill(os.getpid(), signal.SIGINT)
     recorder.close()
 
