@@ -137,6 +137,7 @@ def test_a_saved_scene_continues_bit_for_bit(scene, tmp_path):
 def test_a_saved_vacuum_still_holds(tmp_path):
     scene = build_scene(SceneConfig(parts=("terminal_block",), count=1, gripper="suction"), seed=0)
     gripper = scene.gripper
+    assert gripper is not None
     face = scene.data.site(gripper.tcp_site).xpos
     half_height = scene.instances[0].part.extents_m[2] / 2
     scene.place({0: transform(translation=face - [0, 0, half_height + 0.0005])})
