@@ -18,7 +18,7 @@ from simpick.assets.convex_pieces import convex_pieces
 from simpick.assets.part import Material, Part
 from simpick.assets.symmetry_detection import detect_symmetries
 from simpick.assets.units import Unit, choose_unit
-from simpick.caching import atomic_path, cache_dir, cache_key
+from simpick.caching import atomic_path, cache_dir, cache_key, read_npz
 from simpick.errors import ConfigError, MeshError, OutputError
 from simpick.geometry.symmetry import ContinuousSymmetry, SymmetryGroup
 from simpick.geometry.transforms import transform
@@ -206,12 +206,13 @@ def _cached_symmetries(mesh) -> SymmetryGroup:
     """Return the detected symmetries; detection takes seconds for cubes and the like, so it is done once."""
     key = cache_key(_SYMMETRY_CACHE_VERSION, np.asarray(mesh.vertices).tobytes(), np.asarray(mesh.faces).tobytes())
     path = cache_dir() / "symmetries" / f"{key}.npz"
-    if not path.exists():
+    stored = read_npz(path)
+    if stored is None:
         found = detect_symmetries(mesh)
         axes = np.array([[*axis.axis, *axis.offset_m] for axis in found.continuous]).reshape(-1, 6)
+        stored = {"discrete": found.discrete, "axes": axes}
         with atomic_path(path) as temporary:
-            np.savez(temporary, discrete=found.discrete, axes=axes)
-    with np.load(path) as stored:
-        rows = [tuple(float(x) for x in row) for row in stored["axes"]]
-        axes = tuple(ContinuousSymmetry((r[0], r[1], r[2]), (r[3], r[4], r[5])) for r in rows)
-        return SymmetryGroup(stored["discrete"], axes)
+            np.savez(temporary, allow_pickle=False, **stored)
+    rows = [tuple(float(x) for x in row) for row in stored["axes"]]
+    axes = tuple(ContinuousSymmetry((r[0], r[1], r[2]), (r[3], r[4], r[5])) for r in rows)
+    return SymmetryGroup(stored["discrete"], axes)

@@ -5,9 +5,13 @@ from __future__ import annotations
 import hashlib
 import os
 import uuid
+import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+import numpy as np
 
 from simpick.errors import OutputError
 
@@ -36,6 +40,16 @@ def cache_key(version: int, *ingredients: str | bytes | int | float) -> str:
         # The length keeps ("ab", "c") apart from ("a", "bc").
         digest.update(len(content).to_bytes(8, "little") + content)
     return digest.hexdigest()[:24]
+
+
+def read_npz(path: Path) -> dict[str, np.ndarray] | None:
+    """Return the arrays of an ``.npz`` file by name; None if it is missing or damaged, and should be made anew."""
+    try:
+        # Opened here, because numpy leaves the handle of a damaged file open.
+        with path.open("rb") as handle, np.load(handle, allow_pickle=False) as file:
+            return dict(file)
+    except (OSError, ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error):
+        return None
 
 
 @contextmanager

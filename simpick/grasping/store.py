@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import zlib
 from dataclasses import astuple
 from pathlib import Path
 from typing import Literal
-from zipfile import BadZipFile
 
 import numpy as np
 from jaxtyping import Float
@@ -14,7 +12,7 @@ from jaxtyping import Float
 import simpick.assets
 from simpick.assets.grippers import JawGripper, SuctionGripper
 from simpick.assets.part import Part
-from simpick.caching import atomic_path, cache_dir, cache_key
+from simpick.caching import atomic_path, cache_dir, cache_key, read_npz
 from simpick.geometry.transforms import matrix_from_quaternion, quaternion_from_matrix, transform
 from simpick.grasping.antipodal import AntipodalConfig
 from simpick.grasping.suction_sampling import SuctionConfig
@@ -25,6 +23,7 @@ GRASP_VERSION = 1
 """Raise it when grippers, sampling or verification change such that stored grasps no longer hold."""
 
 Kind = Literal["jaw", "suction"]
+_FIELDS = {"recipe", "signature", "position_m", "quaternion", "width_m", "quality"}
 
 
 def recipe(kind: Kind) -> str:
@@ -80,17 +79,12 @@ def save_grasps(path: Path, part: Part, kind: Kind, grasps: list[Grasp]) -> None
 
 def load_file(path: Path, part: Part, kind: Kind) -> list[Grasp] | None:
     """Return a file's grasps, or None if it is missing, damaged, of another recipe or of another shape."""
-    try:
-        # Opened here, because numpy leaves the handle of a damaged file open.
-        with path.open("rb") as handle, np.load(handle, allow_pickle=False) as file:
-            fits = str(file["recipe"]) == recipe(kind)
-            signature = shape_signature(part)
-            tolerance = 1e-3 * np.abs(signature) + 0.01
-            fits = fits and bool((np.abs(file["signature"] - signature) < tolerance).all())
-            if not fits:
-                return None
-            Ts = transform(matrix_from_quaternion(file["quaternion"]), np.asarray(file["position_m"], float))
-            rows = zip(Ts, file["width_m"], file["quality"], strict=True)
-            return [Grasp(T, float(width), kind, float(quality)) for T, width, quality in rows]
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error):
+    file = read_npz(path)
+    if file is None or not file.keys() >= _FIELDS or str(file["recipe"]) != recipe(kind):
         return None
+    signature = shape_signature(part)
+    if not (np.abs(file["signature"] - signature) < 1e-3 * np.abs(signature) + 0.01).all():
+        return None
+    Ts = transform(matrix_from_quaternion(file["quaternion"]), np.asarray(file["position_m"], float))
+    rows = zip(Ts, file["width_m"], file["quality"], strict=True)
+    return [Grasp(T, float(width), kind, float(quality)) for T, width, quality in rows]

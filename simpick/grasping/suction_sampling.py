@@ -103,7 +103,7 @@ def _placed(
     lever = float(np.linalg.norm(com[:2] - CELL_CENTRES_M[covered].mean(axis=0)))
     weight = surface.part.mass_kg * 9.81
     margin = float(covered.sum()) * CELL_FORCE_N / weight
-    # Off-centre weight peels the face off cell by cell: its moment against what the cells hold at half the face's radius.
+    # Off-centre weight peels the face off cell by cell: its moment against the cells' at half the face's radius.
     peel = weight * lever / (float(covered.sum()) * CELL_FORCE_N * 0.5 * SUCTION_RADIUS_M)
     if margin < config.least_margin or peel > config.largest_peel:
         return None
