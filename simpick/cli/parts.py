@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -129,6 +130,25 @@ class PartsCommand:
     def run(self) -> int:
         """Run the chosen subcommand."""
         return self.action.run()
+
+
+def describe_files(parts: Iterable[str]) -> list[str]:
+    """Return a line for each of these parts that is a mesh file: how large and heavy it was taken to be.
+
+    Raises:
+        UnknownPartError, MeshError: a file does not exist or cannot be a part.
+    """
+    from simpick.assets import get_part
+    from simpick.assets.user_parts import is_mesh_path
+
+    lines = []
+    for name in filter(is_mesh_path, parts):
+        part = get_part(name)
+        lines.append(
+            f"{name}: {_extents(part)} mm and {part.mass_kg * 1e3:.1f} g at {part.density_kg_m3:g} kg/m^3; "
+            "for another unit or density, give it a name with: simpick parts add"
+        )
+    return lines
 
 
 def _extents(part: Part) -> str:

@@ -32,19 +32,29 @@ class Run:
         """Run the missing episodes and print the summary."""
         from rich.console import Console
 
-        from simpick.evaluation.episodes import validate
+        from simpick.cli.parts import describe_files
+        from simpick.evaluation.episodes import recording_file, run_identity, validate
         from simpick.evaluation.result_store import ResultStore
-        from simpick.evaluation.runs import run_episodes
+        from simpick.evaluation.runs import check_workers, run_episodes
 
+        check_workers(self.workers)
         validate(self.config)
-        store = ResultStore(self.out, self.config.to_json(), overwrite=self.overwrite)
+        store = ResultStore(self.out, run_identity(self.config), overwrite=self.overwrite)
         console = Console()
+        for line in describe_files(self.config.parts):
+            console.print(line, soft_wrap=True)
         run_episodes(self.config, store, record=self.record, workers=self.workers, console=console)
         console.print(summary_table(self.config, store))
         console.print(f"results: {self.out / 'results.jsonl'}", soft_wrap=True)
         if self.record:
-            first = next(iter(sorted(self.out.glob("*.rrd"))), None)
-            console.print(f"recordings: open one with: rerun {first}", soft_wrap=True)
+            files = [recording_file(self.out, self.config, result.episode) for result in store.results]
+            if recorded := [file for file in files if file.exists()]:
+                console.print(f"recordings: open one with: rerun {recorded[0]}", soft_wrap=True)
+            if missing := len(files) - len(recorded):
+                console.print(
+                    f"{missing} episodes were run before without --record; --overwrite runs all of them again",
+                    soft_wrap=True,
+                )
         return 0
 
 

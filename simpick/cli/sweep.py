@@ -36,14 +36,23 @@ class Sweep:
         """Run every step and draw the plot."""
         from rich.console import Console
 
+        from simpick.cli.parts import describe_files
         from simpick.evaluation.noise_sweep import NoiseStep, plot_steps, run_step, steps_table, write_csv
+        from simpick.evaluation.runs import check_workers
 
         if self.config.perception != "oracle" or self.config.noise_mm or self.config.noise_deg:
             raise ConfigError(
                 "a sweep sets perception and noise itself, got --perception, --noise-mm or --noise-deg; "
                 "choose the levels with --levels-mm and --levels-deg"
             )
+        if min((*self.levels_mm, *self.levels_deg), default=0.0) < 0:
+            raise ConfigError(
+                f"levels_mm and levels_deg must be zero or more, got {self.levels_mm} and {self.levels_deg}"
+            )
+        check_workers(self.workers)
         console = Console()
+        for line in describe_files(self.config.parts):
+            console.print(line, soft_wrap=True)
         steps: list[NoiseStep] = []
         levels = [("mm", value) for value in self.levels_mm] + [("deg", value) for value in self.levels_deg]
         for unit, value in levels:

@@ -12,7 +12,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from simpick.evaluation.episodes import validate
+from simpick.evaluation.episodes import run_identity, validate
 from simpick.evaluation.grasp_scores import GraspScores, score_grasps
 from simpick.evaluation.result_store import ResultStore
 from simpick.evaluation.run_config import RunConfig
@@ -36,7 +36,7 @@ def run_step(
     """Run the episodes of one level under ``folder/<unit>_<noise>``."""
     config = dataclasses.replace(config, **{f"noise_{unit}": noise})
     validate(config)
-    store = ResultStore(folder / f"{unit}_{noise:g}", config.to_json(), overwrite=overwrite)
+    store = ResultStore(folder / f"{unit}_{noise:g}", run_identity(config), overwrite=overwrite)
     run_episodes(config, store, record=False, workers=workers, console=console)
     return NoiseStep(unit, noise, score_grasps(store.results))
 

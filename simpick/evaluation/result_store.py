@@ -88,6 +88,8 @@ class ResultStore:
     def __init__(self, folder: Path, config: dict[str, Any], *, overwrite: bool = False) -> None:
         """Open `folder`, made if missing.
 
+        More episodes of the same configuration go on with those that are there.
+
         Raises:
             OutputError: the folder cannot be written, holds other files, or holds results of another configuration.
         """
@@ -99,8 +101,11 @@ class ResultStore:
             if overwrite:
                 self._remove_own_files()
             self._open(strangers_allowed=overwrite)
-        except (PermissionError, NotADirectoryError, FileExistsError) as error:
-            reason = error.strerror or "is not a folder that can be written"
+        except OutputError:
+            raise
+        except OSError as error:
+            is_file = isinstance(error, FileExistsError | NotADirectoryError)
+            reason = "a file is in the way" if is_file else error.strerror or str(error)
             raise OutputError(
                 f"results cannot be written to {folder}: {reason}. Choose a folder that you may write with --out"
             ) from error
@@ -116,8 +121,11 @@ class ResultStore:
                 )
             atomic_write_text(config_file, json.dumps(self._config, indent=2) + "\n")
             return
-        previous = json.loads(config_file.read_text())
+        previous = _read_config(config_file)
         differing = sorted(k for k in previous.keys() | self._config.keys() if previous.get(k) != self._config.get(k))
+        if differing == ["episodes"] and previous.get("episodes", 0) < self._config.get("episodes", 0):
+            atomic_write_text(config_file, json.dumps(self._config, indent=2) + "\n")
+            differing = []
         if differing:
             changes = ", ".join(f"{k} ({previous.get(k)!r} there, {self._config.get(k)!r} now)" for k in differing)
             raise OutputError(
@@ -130,7 +138,7 @@ class ResultStore:
                 self._results[result.episode] = result
 
     def _remove_own_files(self) -> None:
-        for pattern in (CONFIG_FILE, RESULTS_FILE, "*.rrd"):
+        for pattern in (CONFIG_FILE, RESULTS_FILE, "*.rrd", "*.rrd.partial"):
             for file in self.folder.glob(pattern):
                 file.unlink()
 
@@ -147,6 +155,19 @@ class ResultStore:
         self._results[result.episode] = result
         lines = [json.dumps(r.to_json()) + "\n" for r in self.results]
         atomic_write_text(self.folder / RESULTS_FILE, "".join(lines))
+
+
+def _read_config(file: Path) -> dict[str, Any]:
+    try:
+        config = json.loads(file.read_text())
+    except ValueError:
+        config = None
+    if not isinstance(config, dict):
+        raise OutputError(
+            f"{file} does not name a configuration of simpick, so nothing can be added to the results beside it. "
+            "Choose another folder with --out, or --overwrite to replace them"
+        )
+    return config
 
 
 def read_results(file: Path) -> list[EpisodeResult]:

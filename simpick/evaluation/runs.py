@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 import multiprocessing
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from simpick.errors import ConfigError
+from simpick.errors import ConfigError, SimpickError
 from simpick.evaluation.episodes import recording_file, run_episode
 from simpick.evaluation.result_store import EpisodeResult, ResultStore
 from simpick.evaluation.run_config import RunConfig
@@ -22,10 +24,8 @@ def run_episodes(
     """Run the episodes of `config` that `store` does not hold yet, and add each as it ends.
 
     Raises:
-        ConfigError: `workers` is not positive.
+        SimpickError: a worker process was killed.
     """
-    if workers < 1:
-        raise ConfigError(f"workers must be 1 or more, got {workers}")
     missing = [episode for episode in range(config.episodes) if episode not in store]
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     with Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=console) as progress:
@@ -47,11 +47,28 @@ def run_episodes(
         # Spawned, because a forked child would share its parent's OpenGL context.
         context = multiprocessing.get_context("spawn")
         with ProcessPoolExecutor(workers, mp_context=context) as pool:
-            pending = {pool.submit(run_recorded, config, k, store.folder if record else None) for k in missing}
-            while pending:
-                done, pending = wait(pending, return_when=FIRST_COMPLETED)
-                for future in done:
-                    finished(future.result())
+            # Never more episodes than workers: the pool runs what it was given to the end, even when interrupted.
+            waiting, pending = iter(missing), set()
+            try:
+                while True:
+                    for episode in itertools.islice(waiting, workers - len(pending)):
+                        pending.add(pool.submit(run_recorded, config, episode, store.folder if record else None))
+                    if not pending:
+                        return
+                    done, pending = wait(pending, return_when=FIRST_COMPLETED)
+                    for future in done:
+                        finished(future.result())
+            except BrokenProcessPool as error:
+                raise SimpickError(
+                    "a worker process was killed, perhaps because memory ran out. What was finished is kept: "
+                    "run the same command again, with fewer --workers"
+                ) from error
+
+
+def check_workers(workers: int) -> None:
+    """Raise `ConfigError` unless there is at least one worker."""
+    if workers < 1:
+        raise ConfigError(f"workers must be 1 or more, got {workers}")
 
 
 def run_recorded(config: RunConfig, episode: int, folder: Path | None, on_pick=None) -> EpisodeResult:

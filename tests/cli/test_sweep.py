@@ -32,6 +32,13 @@ def test_a_sweep_refuses_noise_of_its_own(tmp_path: Path, capsys) -> None:
     assert "choose the levels with --levels-mm and --levels-deg" in capsys.readouterr().err
 
 
+def test_a_sweep_refuses_bad_levels_before_it_runs_any(tmp_path: Path, capsys) -> None:
+    out = tmp_path / "sweep"
+    assert main(["sweep", *ONE_PART, "--levels-mm", "0", "-3", "--out", str(out)]) == 2
+    assert "levels_mm and levels_deg must be zero or more, got (0.0, -3.0)" in capsys.readouterr().err
+    assert not out.exists()
+
+
 def test_the_benchmark_reports_speed_and_shares(capsys) -> None:
     assert main(["benchmark", *ONE_PART]) == 0
     printed = capsys.readouterr().out

@@ -61,6 +61,22 @@ def test_another_configuration_is_refused(tmp_path: Path) -> None:
         ResultStore(tmp_path, CONFIG | {"seed": 1})
 
 
+def test_more_episodes_go_on_and_fewer_are_refused(tmp_path: Path) -> None:
+    ResultStore(tmp_path, CONFIG | {"episodes": 1}).add(make_result(0))
+    assert ResultStore(tmp_path, CONFIG | {"episodes": 3}).results == (make_result(0),)
+    assert json.loads((tmp_path / "config.json").read_text())["episodes"] == 3
+    with pytest.raises(OutputError, match=r"another configuration: episodes \(3 there, 2 now\)"):
+        ResultStore(tmp_path, CONFIG | {"episodes": 2})
+
+
+@pytest.mark.parametrize("text", ['{"seed": ', "[]"])
+def test_a_damaged_configuration_is_named(text: str, tmp_path: Path) -> None:
+    (tmp_path / "config.json").write_text(text)
+    with pytest.raises(OutputError, match=r"config.json does not name a configuration of simpick.*--overwrite"):
+        ResultStore(tmp_path, CONFIG)
+    assert ResultStore(tmp_path, CONFIG, overwrite=True).results == ()
+
+
 def test_overwriting_removes_only_results(tmp_path: Path) -> None:
     ResultStore(tmp_path, CONFIG).add(make_result())
     (tmp_path / "notes.txt").write_text("keep me")
@@ -77,7 +93,7 @@ def test_a_folder_of_other_files_is_refused(tmp_path: Path) -> None:
 
 def test_a_file_in_the_way_is_refused(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("a file")
-    with pytest.raises(OutputError, match=r"results cannot be written to .*out.* with --out"):
+    with pytest.raises(OutputError, match=r"results cannot be written to .*out: a file is in the way.* with --out"):
         ResultStore(tmp_path / "out", CONFIG)
 
 
