@@ -7,6 +7,7 @@ that the command line prints the text without a traceback, while programs catch 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from difflib import get_close_matches
 
 
 class SimpickError(Exception):
@@ -22,7 +23,8 @@ class UnknownNameError(SimpickError, LookupError):
 
     def __init__(self, kind: str, name: str, valid: Iterable[str], remedy: str = "") -> None:
         self.kind, self.name, self.valid = kind, name, sorted(valid)
-        remedy = f" {remedy}" if remedy else ""
+        alike = get_close_matches(name, self.valid, n=1)
+        remedy = (f" {remedy}" if remedy else "") + (f" Did you mean {alike[0]!r}?" if alike else "")
         super().__init__(f"no {kind} named {name!r}. Valid: {', '.join(self.valid)}.{remedy}")
 
 

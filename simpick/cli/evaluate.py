@@ -55,7 +55,7 @@ class Evaluate:
     max_images: int | None = None
     """Data set: stop after this many images."""
     vsd: bool = True
-    """Compute VSD, which needs depth images and OpenGL; without it there is no AR, only two of its terms."""
+    """VSD needs depth images and OpenGL; --no-vsd leaves it out, and with it AR, of which two terms remain."""
 
     def run(self) -> int:
         """Evaluate, print the tables, and write what was asked for."""
@@ -65,7 +65,7 @@ class Evaluate:
     def _check(self) -> None:
         """Raise ConfigError for settings that do not go together, before anything is read or simulated."""
         if (self.dataset is None) == (self.scenes == 0):
-            raise ConfigError("give either --dataset DIR or --scenes N, the images to evaluate on")
+            raise ConfigError("give either --dataset DIR or --scenes N: the images to evaluate on")
         if self.scenes < 0:
             raise ConfigError(f"scenes must be positive, got {self.scenes}")
         if self.max_images is not None and self.max_images < 1:

@@ -6,6 +6,8 @@ Only the light parts of simpick are imported here; each command imports what it 
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import sys
 from typing import Annotated
@@ -40,10 +42,8 @@ Command = (
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command and return its exit code; errors that simpick raises on purpose print without a traceback."""
-    # One flag each, such as --record (no --no-record, because False is the default), and no --action.out.
-    style = (tyro.conf.FlagCreatePairsOff, tyro.conf.OmitArgPrefixes)
-    command = tyro.cli(Command, prog="simpick", description=DESCRIPTION, args=arguments, config=style)
     try:
+        command = _parse(arguments)
         if os.environ.get("MUJOCO_GL"):
             import simpick.rendering  # noqa: F401 - refuses an unknown back end before MuJoCo fails on it obscurely
         return command.run()
@@ -53,6 +53,28 @@ def main(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("simpick: interrupted; what was finished is kept, run the same command again to go on", file=sys.stderr)
         return 130
+
+
+def _parse(arguments: list[str] | None):
+    """Return the command that the arguments ask for; exits on what the parser refuses.
+
+    A setting that its own configuration refuses reaches the parser as a ValueError, which it reports under a name of
+    its own making. Such an error is complete as it is, and is raised again instead.
+    """
+    complaint = io.StringIO()
+    # One flag each, such as --record (no --no-record, because False is the default), and no --action.out.
+    style = (tyro.conf.FlagCreatePairsOff, tyro.conf.OmitArgPrefixes)
+    try:
+        with contextlib.redirect_stderr(complaint):
+            return tyro.cli(Command, prog="simpick", description=DESCRIPTION, args=arguments, config=style)
+    except SystemExit as ending:
+        refused: BaseException | None = ending
+        while refused is not None and not isinstance(refused, SimpickError):
+            refused = refused.__context__
+        if refused is not None:
+            raise refused from None
+        sys.stderr.write(complaint.getvalue())
+        raise
 
 
 if __name__ == "__main__":

@@ -42,9 +42,9 @@ class TemplatesShow:
         config = TemplateConfig(views=self.views, size_px=self.size_px)
         if self.out.suffix.lower() != ".png":
             raise ConfigError(f"the sheet must be a .png file, got {str(self.out)!r}")
+        part = get_part(self.part)
         if self.out.exists() and not self.overwrite:
             raise OutputError(f"{self.out} exists already. Choose another file with --out, or pass --overwrite.")
-        part = get_part(self.part)
         console = Console()
         start = time.perf_counter()
         with Progress(console=console, transient=True) as bar:

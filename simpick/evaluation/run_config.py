@@ -8,6 +8,9 @@ from typing import Any, Literal
 
 from simpick.errors import ConfigError
 
+SHORTEST_MM, LONGEST_MM = 50.0, 1000.0
+"""Bounds of a bin's sides, those of `BinConfig` in the unit of this configuration."""
+
 
 @dataclass(frozen=True)
 class RunConfig:
@@ -24,11 +27,11 @@ class RunConfig:
     gripper: Literal["jaw", "suction"] = "jaw"
     """Which gripper the arm carries."""
     robot: str = "ur5e"
-    """Which arm picks."""
+    """Which arm picks: ur5e."""
     bin_mm: tuple[float, float, float] = (400.0, 300.0, 120.0)
     """Inner length (across the arm's reach), width and depth of the bin, in millimetres."""
     perception: str = "oracle"
-    """Who estimates poses."""
+    """Who estimates poses: oracle (the truth), retrieval, or a name that another package registers."""
     noise_deg: float = 0.0
     """Oracle only: median rotation error added to the true poses, in degrees."""
     noise_mm: float = 0.0
@@ -36,7 +39,7 @@ class RunConfig:
     detections: Literal["perfect", "realistic"] = "perfect"
     """How well parts are segmented in the image before their poses are estimated."""
     randomization: str = "default"
-    """Preset of lights, colours, textures and camera jitter."""
+    """Preset of lights, colours, textures and camera jitter: default, none or strong."""
     max_consecutive_failures: int = 2
     """The episode ends after this many failed attempts in a row (two is VGN's protocol)."""
 
@@ -45,6 +48,11 @@ class RunConfig:
             raise ConfigError(f"episodes must be 1 or more, got {self.episodes}")
         if self.seed < 0:
             raise ConfigError(f"seed must be 0 or more, got {self.seed}")
+        if not all(SHORTEST_MM <= side <= LONGEST_MM for side in self.bin_mm):
+            raise ConfigError(
+                f"bin_mm must be between {SHORTEST_MM:g} and {LONGEST_MM:g} millimetres a side, "
+                f"got {', '.join(f'{side:g}' for side in self.bin_mm)}"
+            )
         if self.max_consecutive_failures < 1:
             raise ConfigError(f"max_consecutive_failures must be 1 or more, got {self.max_consecutive_failures}")
         if self.perception != "oracle" and (self.noise_deg or self.noise_mm):

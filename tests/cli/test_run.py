@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import trimesh
 
 from simpick.cli.main import main
 from simpick.evaluation.result_store import read_results
@@ -83,16 +84,19 @@ def test_a_stopped_run_goes_on_and_ends_the_same(recorded: list[Path], tmp_path:
     ("arguments", "text"),
     [
         (("--parts", "hexbolt"), "no part named 'hexbolt'. Valid: bushing, "),
+        (("--parts", "hexbolt"), "Did you mean 'hex_bolt'?"),
         (("--parts", "missing/part.stl"), "missing/part.stl"),
         (("--count", "0"), "count must be between 1 and 50 parts, got 0"),
         (("--count", "500"), "count must be between 1 and 50 parts, got 500"),
         (("--robot", "kuka"), "no robot named 'kuka'. Valid: ur5e."),
         (("--perception", "telepathy"), "no perception named 'telepathy'. Valid: oracle"),
         (("--randomization", "wild"), "no randomization preset named 'wild'. Valid: default, none, strong."),
-        (("--episodes", "0"), "episodes must be 1 or more, got 0"),
+        (("--episodes", "0"), "simpick: episodes must be 1 or more, got 0"),
         (("--noise-mm", "-1"), "translation_mm of pose noise must be zero or more, got -1"),
         (("--bin-mm", "60", "60", "60", "--parts", "connecting_rod"), "connecting_rod"),
-        (("--bin-mm", "0.4", "0.3", "0.12"), "bin length_m must be between 0.05 and 1.0 m"),
+        (("--bin-mm", "0.4", "0.3", "0.12"), "simpick: bin_mm must be between 50 and 1000 millimetres a side, got 0.4"),
+        (("--perception", "retrieval", "--noise-mm", "1"), "simpick: noise_deg and noise_mm are for perception"),
+        (("--workers", "0"), "workers must be 1 or more, got 0"),
     ],
 )
 def test_bad_input_is_refused_with_its_remedy(arguments, text, tmp_path: Path, capsys) -> None:
@@ -113,3 +117,23 @@ def test_results_of_another_configuration_stay(recorded: list[Path], tmp_path: P
     assert main([*SMALL, "--seed", "7", "--out", str(folder)]) == 2
     assert "seed (0 there, 7 now)" in capsys.readouterr().err
     assert (folder / "results.jsonl").read_text() == before
+
+
+def test_a_mesh_file_is_described_and_may_not_change_between_episodes(tmp_path: Path, capsys) -> None:
+    file, run = tmp_path / "brick.stl", ("--count", "1", "--out", str(tmp_path / "run"))
+    trimesh.creation.box((40, 25, 20)).export(file)
+    assert main(["run", "--parts", str(file), *run]) == 0
+    printed = capsys.readouterr().out
+    assert f"{file}: 40 x 25 x 20 mm and 24.0 g at 1200 kg/m^3" in printed and "simpick parts add" in printed
+    trimesh.creation.box((40, 25, 24)).export(file)
+    assert main(["run", "--parts", str(file), "--episodes", "2", *run]) == 2
+    assert "holds results of another configuration: content_of_parts" in capsys.readouterr().err
+
+
+def test_recordings_that_are_missing_are_owned_up_to(recorded: list[Path], tmp_path: Path, capsys) -> None:
+    folder = tmp_path / "run"
+    shutil.copytree(recorded[0], folder)
+    next(folder.glob("*.rrd")).unlink()
+    assert main([*SMALL, "--record", "--out", str(folder)]) == 0
+    printed = capsys.readouterr().out
+    assert "1 episodes were run before without --record; --overwrite" in printed and "rerun" not in printed
