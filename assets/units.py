@@ -55,9 +55,11 @@ def _size_text(longest_side: float, which: str, file: str) -> str:
     sizes = ", ".join(f"{_mm(longest_side * scale)} in {name}" for name, scale in METRES_PER_UNIT.items())
     return (
         f"{file}: the longest side must be between {_mm(SMALLEST_M)} and {_mm(LARGEST_M)}, {which} it is not: "
-        f"it would be {sizes}. Pass the unit that fits (mm, cm, m, inch), or scale the model."
+        f"it would be {sizes}. Pass the unit that fits (mm, cm, m, inch), or scale the model. "
+        "On the command line: simpick parts add FILE --unit cm"
     )
 
 
 def _mm(metres: float) -> str:
-    return f"{metres * 1e3:.4g} mm"
+    length = metres * 1e3
+    return f"{length:.4g} mm" if length < 1e4 else f"{length:.0f} mm"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Sequence
 
+from rich.box import SIMPLE
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
@@ -58,8 +59,9 @@ def recall_table(evaluation: PoseEvaluation, title: str) -> Table:
 
 def summary_table(evaluation: PoseEvaluation) -> Table:
     """Return medians and recalls of all targets and of each visibility band."""
-    table = Table("visible", title="medians and recalls")
-    for column in ("targets", "answered", "deg", "mm", "depth %", "< 5 deg", "< 15 deg", "< 30 deg"):
+    # So narrow that it fits into 80 columns.
+    table = Table("visible", title="medians and recalls", box=SIMPLE, pad_edge=False, padding=(0, 1, 0, 0))
+    for column in ("targets", "answered", "deg", "mm", "depth %", "<5 deg", "<15 deg", "<30 deg"):
         table.add_column(column, justify="right")
     for name, s in {**evaluation.by_visibility, "all": evaluation.summary}.items():
         if s.count == 0:

@@ -68,7 +68,7 @@ def test_unit_choice_is_explained_and_logged(tmp_path, caplog):
     with caplog.at_level(logging.INFO, logger="simpick.assets.user_parts"):
         load_cad(path)
     expected = (
-        "box.stl: read in mm, because that makes it 60 mm long (in m it would be 6e+04 mm); pass a unit to override"
+        "box.stl: read in mm, because that makes it 60 mm long (in m it would be 60000 mm); pass a unit to override"
     )
     assert expected in caplog.messages
 
