@@ -177,7 +177,9 @@ class GraspPlanner:
                     quality *= config.touching_factor / (1 + touched)
                 grasp = WorldGrasp(T_world_tcp, grasps[index], target, opening, quality, exposure)
                 (brushing if touched else free).append(grasp)
-                break
+                # A narrower opening may be free where a wider one brushes something.
+                if not touched:
+                    break
             if len(free) == config.grasps_per_target:
                 break
         return free or sorted(brushing, key=lambda g: -g.quality)[: config.grasps_per_target]
