@@ -89,7 +89,7 @@ def servo_observation_table(config: SceneConfig, images: Sequence[str]) -> tuple
         )
     else:
         gripper = ObservationItem(
-            "suction_sealed", "1 while the cup holds something by vacuum", "", spaces.MultiBinary(1)
+            "suction_sealed", "1 while the suction head holds something by vacuum", "", spaces.MultiBinary(1)
         )
     return (
         *seen,
