@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float, Float32
 
@@ -35,14 +37,21 @@ def encode_action(T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float, works
 
 
 def decode_action(
-    action: Float[np.ndarray, "10"] | Float32[np.ndarray, "10"], workspace: Box
+    action: np.ndarray | Sequence[float], workspace: Box
 ) -> tuple[Float[np.ndarray, "4 4"], float] | None:
     """Return (T_world_tcp, opening_m) of an action, or None for `ABSTAIN`.
 
     Any other six numbers for the rotation are orthonormalised by Gram-Schmidt; where they are parallel, the nearest
     rotation about the first axis is taken, so that every action of the space can be executed.
+    Values beyond 1 are cut off.
+
+    Raises:
+        ConfigError: the action is not ten finite numbers.
     """
-    action = np.clip(np.asarray(action, float), -1.0, 1.0)
+    values = np.asarray(action, float)
+    if values.shape != (10,) or not np.isfinite(values).all():
+        raise ConfigError(f"an action must be 10 finite numbers in [-1, 1], got {np.asarray(action).tolist()}")
+    action = np.clip(values, -1.0, 1.0)
     columns = action[3:9]
     if not np.any(columns):
         return None

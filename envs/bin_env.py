@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
 
-from simpick.assets.library import get_part
+from simpick.assets.library import get_part, library_part_names
 from simpick.assets.robots.registry import get_robot
 from simpick.errors import ConfigError
 from simpick.records import CameraFrame, InstanceTruth
@@ -18,6 +18,17 @@ from simpick.scene import Scene, SceneConfig, build_scene
 from simpick.scene.composition import check_fit
 
 RENDER_MODES = ("rgb_array", "rgb_array_list")
+
+
+def part_pool(parts: Sequence[str]) -> tuple[str, ...]:
+    """Return the names that a bin is filled from: these, or the whole library if there are none.
+
+    Raises:
+        ConfigError: a single name stands where a list of names is meant.
+    """
+    if isinstance(parts, str):
+        raise ConfigError(f"parts must be a list of names or mesh files, got {parts!r}; write [{parts!r}]")
+    return tuple(parts) or tuple(library_part_names())
 
 
 class BinEnv(gymnasium.Env):

@@ -10,9 +10,8 @@ from typing import Any, Literal
 import numpy as np
 from gymnasium.utils import EzPickle
 
-from simpick.assets.library import library_part_names
 from simpick.envs.actions import decode_action
-from simpick.envs.bin_env import BinEnv
+from simpick.envs.bin_env import BinEnv, part_pool
 from simpick.envs.observations import observation_from_frame
 from simpick.envs.spaces import action_space, observation_space
 from simpick.errors import ConfigError
@@ -79,7 +78,7 @@ class BinPickEnv(BinEnv, EzPickle):
         for name, value in (("max_consecutive_failures", max_consecutive_failures), ("max_picks", max_picks)):
             if value is not None and value < 1:
                 raise ConfigError(f"{name} must be 1 or more, got {value}")
-        pool = tuple(parts) or tuple(library_part_names())
+        pool = part_pool(parts)
         config = scene_config or SceneConfig(parts=pool, count=count, gripper=gripper, randomization=randomization)
         super().__init__(config, render_mode)
         self.observation_space = observation_space(

@@ -9,8 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from gymnasium.utils import EzPickle
 
-from simpick.assets.library import library_part_names
-from simpick.envs.bin_env import RENDER_MODES, BinEnv
+from simpick.envs.bin_env import RENDER_MODES, BinEnv, part_pool
 from simpick.envs.servo_spaces import (
     IMAGES,
     MAX_JOINT_RAD,
@@ -111,7 +110,7 @@ class BinServoEnv(BinEnv, EzPickle):
             raise ConfigError(f"images must be distinct names out of {', '.join(IMAGES)}, or (), got {images!r}")
         if max_ticks is not None and max_ticks < 1:
             raise ConfigError(f"max_ticks must be 1 or more, got {max_ticks}")
-        pool = tuple(parts) or tuple(library_part_names())
+        pool = part_pool(parts)
         config = scene_config or servo_scene_config(pool, count, gripper, randomization, image_size)
         super().__init__(config, render_mode)
         self.images = tuple(images)

@@ -15,6 +15,12 @@ from simpick.scene.workspace import tcp_workspace
 WORKSPACE = tcp_workspace(BinConfig())
 
 
+@pytest.mark.parametrize("action", [np.zeros(3), np.zeros((1, 10)), np.full(10, np.nan)])
+def test_other_than_ten_finite_numbers_are_refused(action: np.ndarray) -> None:
+    with pytest.raises(ConfigError, match=r"an action must be 10 finite numbers in \[-1, 1\], got \["):
+        decode_action(action, WORKSPACE)
+
+
 @given(st.integers(0, 2**32 - 1))
 def test_poses_survive_the_round_trip(seed: int) -> None:
     rng = np.random.default_rng(seed)

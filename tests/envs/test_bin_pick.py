@@ -185,3 +185,8 @@ def test_a_scene_that_blows_up_ends_as_a_fault_and_the_next_one_is_sound(capfd) 
     assert observation["remaining"] == 2 and not info["is_success"]
     env.close()
     capfd.readouterr()  # MuJoCo warns on the terminal; that is expected here.
+
+
+def test_a_name_where_a_list_is_meant_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"parts must be a list of names or mesh files, got 'hex_bolt'; write \['hex"):
+        BinPickEnv(parts="hex_bolt")
