@@ -11,7 +11,17 @@ from difflib import get_close_matches
 
 
 class SimpickError(Exception):
-    """Base class: the message is complete and meant for a person."""
+    """Base class: the message is complete and meant for a person. Comes whole out of worker processes."""
+
+    def __reduce__(self):
+        # Exceptions are unpickled by calling their class with the message, which is not what subclasses take.
+        return _rebuilt, (type(self), self.args, self.__dict__)
+
+
+def _rebuilt(kind: type[SimpickError], arguments: tuple, attributes: dict) -> SimpickError:
+    error = kind.__new__(kind, *arguments)
+    error.__dict__.update(attributes)
+    return error
 
 
 class ConfigError(SimpickError, ValueError):

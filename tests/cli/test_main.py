@@ -1,6 +1,7 @@
 """The command line as a whole."""
 
 import pytest
+
 from simpick.cli.main import main
 
 
