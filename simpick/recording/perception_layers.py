@@ -61,9 +61,17 @@ class PerceptionLayers:
             self._with_depth.add(camera)
             steps = np.clip(np.round(frame.depth_m * DEPTH_UNITS_PER_M), 0, np.iinfo(np.uint16).max)
             png = _encoded(".png", steps.astype(np.uint16), [])
-            self._log(
-                f"{path}/depth", rr.EncodedDepthImage(png, media_type="image/png", meter=float(DEPTH_UNITS_PER_M))
+            read = steps[steps > 0]
+            # Colours span what is there: over rr's default, from the camera on, a bin is all one colour.
+            shown = np.percentile(read, [1.0, 99.0]) if read.size else np.array([0.0, 1.0])
+            image = rr.EncodedDepthImage(
+                png,
+                media_type="image/png",
+                meter=float(DEPTH_UNITS_PER_M),
+                depth_range=(float(shown[0]), float(shown[1]) + 1.0),
+                colormap="viridis",
             )
+            self._log(f"{path}/depth", image)
 
     @property
     def edge_paths(self) -> list[str]:
