@@ -67,7 +67,3 @@ class SimulationFaultError(SceneError):
 
 class DatasetError(SimpickError, ValueError):
     """A data set on disk does not follow its format; the message names file, line or key."""
-
-
-class CheckpointError(SimpickError, ValueError):
-    """A weights file is corrupt, foreign, or of another model."""
