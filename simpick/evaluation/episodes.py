@@ -5,12 +5,14 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from simpick.assets.library import get_part, library_part_names
+from simpick.assets.part import Part
 from simpick.envs.bin_pick import BinPickEnv
 from simpick.envs.observations import frame_from_observation
 from simpick.evaluation.models import EvaluationModel
@@ -97,7 +99,7 @@ def run_episode(
     try:
         return _run_episode(config, episode, env, recorder, on_pick or (lambda pick: None))
     finally:
-        env.on_tick = None
+        env.on_tick = env.on_stage = None
         if own_env:
             env.close()
 
@@ -165,8 +167,14 @@ def complete_record(
     error = None
     if true_pose is not None:
         part = next(p for p in env.parts if p.name == target.part)
-        error = pose_error(target.T_camera_part, invert(T_world_camera) @ true_pose, EvaluationModel.of(part))
+        error = pose_error(target.T_camera_part, invert(T_world_camera) @ true_pose, _evaluation_model(part))
     return dataclasses.replace(pick, target_part=target.part, target_instance=instance, pose_error=error)
+
+
+@lru_cache(maxsize=64)
+def _evaluation_model(part: Part) -> EvaluationModel:
+    """Return a part's evaluation model; its hull, search tree and symmetries are computed once and not once a pick."""
+    return EvaluationModel.of(part)
 
 
 def _abstention(decision: Decision) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from importlib.metadata import entry_points
 
 import numpy as np
@@ -63,4 +64,16 @@ def make_perception(config: RunConfig, env: BinPickEnv, rng: np.random.Generator
     if config.perception == "oracle":
         noise = PoseNoise(config.noise_deg, config.noise_mm)
         return Perception("oracle", detector, OracleEstimator(env.truth, noise, noise_rng))
-    return Perception(config.perception, detector, make_estimator(config.perception))
+    shared = config.perception in SHIPPED
+    estimator = _shared_estimator(config.perception) if shared else make_estimator(config.perception)
+    return Perception(config.perception, detector, estimator)
+
+
+@lru_cache(maxsize=1)
+def _shared_estimator(name: str) -> PoseEstimator:
+    """Return this process's one estimator of that name, so that parts are onboarded once and not once an episode.
+
+    Only for shipped ones, which keep nothing between images but their onboarded parts: another package's may keep
+    more, and an episode's results must not hang on the episodes before it.
+    """
+    return make_estimator(name)
