@@ -12,7 +12,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from simpick.estimators.retrieval.descriptors import CROP_PX, luminance
-from simpick.geometry import aim_virtual_cameras, so3_exp, transform
+from simpick.geometry import aim_virtual_cameras, so3_exp, transform, turned_boxes
 from simpick.rendering import TemplateSet
 
 PADDING = 1.1
@@ -33,7 +33,7 @@ class TurnedCrops:
 def aim_turned_crops(templates: TemplateSet, turns: int) -> TurnedCrops:
     """Return a virtual camera for each view and turn, aimed at the middle of the turned silhouette's box."""
     angles = 2 * np.pi * np.arange(turns) / turns
-    boxes = _turned_boxes(templates, angles).reshape(-1, 4)
+    boxes = turned_boxes(templates.masks, np.tile(angles, (len(templates), 1))).reshape(-1, 4)
     cameras = aim_virtual_cameras(templates.camera, boxes, CROP_PX, padding=PADDING)
     Rs_turned_view = np.tile(so3_exp(angles[:, None] * np.array([0.0, 0.0, 1.0])), (len(templates), 1, 1))
     Rs_crop_view = cameras.Rs_crop_camera @ Rs_turned_view
@@ -66,23 +66,3 @@ def render_turned_crops(templates: TemplateSet, crops: TurnedCrops) -> Iterator[
         sampled = F.grid_sample(view, grid, align_corners=False).reshape(len(H), 2, turns, CROP_PX, CROP_PX)
         gray, mask = (channel.flatten(0, 1) for channel in sampled.unbind(dim=1))
         yield gray, mask > 0.5
-
-
-def _turned_boxes(templates: TemplateSet, angles_rad: Float[np.ndarray, "turns"]) -> Float[np.ndarray, "views turns 4"]:
-    """Return the boxes xyxy of the silhouettes after turning, in pixels.
-
-    A box is given by how far the silhouette reaches in four directions; and that far reaches one of the corners of
-    its rows' first and last pixels.
-    """
-    size = templates.camera.width
-    masks = templates.masks
-    rows = np.arange(size)
-    first, last = masks.argmax(axis=2), size - masks[:, :, ::-1].argmax(axis=2)  # (views, size)
-    x = np.stack([first, first, last, last], axis=-1) - size / 2
-    y = np.broadcast_to(np.stack([rows, rows + 1, rows, rows + 1], axis=-1) - size / 2, x.shape)
-    empty = np.asarray(masks.sum(axis=2) == 0)[..., None]
-    cosine, sine = np.cos(angles_rad)[:, None, None, None], np.sin(angles_rad)[:, None, None, None]
-    turned = np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=-1)  # (turns, views, size, corners, 2)
-    low = np.where(empty[..., None], np.inf, turned).min(axis=(2, 3))
-    high = np.where(empty[..., None], -np.inf, turned).max(axis=(2, 3))
-    return np.swapaxes(np.concatenate([low, high], axis=-1) + size / 2, 0, 1)

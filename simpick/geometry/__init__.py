@@ -27,6 +27,7 @@ from simpick.geometry.crops import aim_virtual_cameras as aim_virtual_cameras
 from simpick.geometry.crops import crop_image as crop_image
 from simpick.geometry.crops import crop_images as crop_images
 from simpick.geometry.image_boxes import box_of_mask as box_of_mask
+from simpick.geometry.image_boxes import turned_boxes as turned_boxes
 from simpick.geometry.mesh_sampling import farthest_points as farthest_points
 from simpick.geometry.mesh_sampling import sample_surface as sample_surface
 from simpick.geometry.pinhole import Pinhole as Pinhole

@@ -1,0 +1,157 @@
+"""`RayPoseConfig`: the size of the network and the choices that the paper's ablations switch."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from simpick.errors import ConfigError, UnknownNameError
+
+IMAGE_ENCODERS = ("simpick", "dinov2_vits14", "dinov2_vitb14", "dinov2_vitl14")
+"""simpick's own is trained with the rest; DINOv2 is frozen, as in the paper, and its weights come from a local file."""
+
+
+@dataclass(frozen=True)
+class RayPoseConfig:
+    """Everything that the network's shape and meaning depend on; stored whole in every checkpoint."""
+
+    image_encoder: Literal["simpick", "dinov2_vits14", "dinov2_vitb14", "dinov2_vitl14"] = "simpick"
+    """Who turns crops into feature maps (E_I of the paper)."""
+    crop_px: int = 96
+    """Side of the virtual-camera crops that the network sees."""
+    padding: float = 1.2
+    """Side of a crop over the longer side of its detection's box."""
+    local_cells: int = 12
+    """Side of the image encoder's feature map, on which query and templates are matched."""
+    map_cells: int = 6
+    """Side p of the pose maps and of the token grid; divides `local_cells`."""
+    local_width: int = 96
+    """Channels of the image encoder's feature map."""
+    match_width: int = 64
+    """Channels of the descriptors that are matched."""
+    width: int = 160
+    """Channels of tokens in fuser and decoder."""
+    heads: int = 5
+    """Attention heads of fuser and decoder."""
+    fuser_blocks: int = 1
+    """Self-attention blocks over all templates' tokens (N_F of the paper)."""
+    decoder_blocks: int = 3
+    """DiT blocks of the decoder (N_D of the paper)."""
+    fourier_bands: int = 4
+    """Frequencies of each Fourier encoding of the view encoder: 1, 2, 4, ... turns over [-1, 1]."""
+    templates: int = 8
+    """Templates that a pose is estimated from."""
+    matching: bool = True
+    """Give the decoder, for each query cell, the template geometry that its descriptor matches. Not in the paper: what
+    makes the network learn from few samples."""
+    relative_pose: bool = True
+    """Predict the pose relative to each template (the paper) instead of the absolute pose: ablation (4)."""
+    multiview: bool = True
+    """Let templates see one another, and the query all of them, instead of one template each: ablation (5)."""
+    template_pose: bool = True
+    """Tell the network the templates' poses and geometry instead of only their boxes: ablation (6)."""
+    template_views: Literal["random", "fixed"] = "random"
+    """Which templates a coarse predictor is trained with: drawn anew for every query, or always the same."""
+    spread_deg: float = 30.0
+    """A fine predictor's templates lie within this angle of the pose that they are drawn around; 180 for coarse."""
+    spread_m: float = 0.05
+    """A fine predictor's templates are as far from there as this at most; shifts and scales their crops."""
+
+    def __post_init__(self) -> None:
+        if self.image_encoder not in IMAGE_ENCODERS:
+            raise UnknownNameError("image encoder", self.image_encoder, IMAGE_ENCODERS)
+        for name in ("crop_px", "local_cells", "map_cells", "local_width", "match_width", "width", "heads", "templates"):
+            if getattr(self, name) < 1:
+                raise ConfigError(f"{name} must be 1 or more, got {getattr(self, name)}")
+        for name in ("fuser_blocks", "decoder_blocks", "fourier_bands"):
+            if getattr(self, name) < 0:
+                raise ConfigError(f"{name} must be 0 or more, got {getattr(self, name)}")
+        if self.local_cells % self.map_cells:
+            raise ConfigError(
+                f"map_cells must divide local_cells, got map_cells={self.map_cells}, local_cells={self.local_cells}"
+            )
+        patch = 14 if self.is_dino else 8
+        if self.crop_px != patch * self.local_cells:
+            raise ConfigError(
+                f"crop_px must be {patch} times local_cells, the stride of {self.image_encoder!r}, got "
+                f"crop_px={self.crop_px}, local_cells={self.local_cells}"
+            )
+        if self.width % self.heads:
+            raise ConfigError(f"heads must divide width, got heads={self.heads}, width={self.width}")
+        if not 1.0 <= self.padding <= 3.0:
+            raise ConfigError(f"padding must be between 1 and 3, got {self.padding}")
+        if not 0 < self.spread_deg <= 180:
+            raise ConfigError(f"spread_deg must be above 0 and at most 180, got {self.spread_deg}")
+        if not 0 <= self.spread_m <= 0.5:
+            raise ConfigError(f"spread_m must be between 0 and 0.5, got {self.spread_m}")
+        if not self.multiview and self.templates < 1:
+            raise ConfigError("a single-view network needs a template")
+
+    @property
+    def is_dino(self) -> bool:
+        """Return whether the image encoder is a frozen DINOv2."""
+        return self.image_encoder != "simpick"
+
+    @property
+    def is_fine(self) -> bool:
+        """Return whether templates are drawn around a pose, instead of over the whole sphere."""
+        return self.spread_deg < 180
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain values, for a checkpoint."""
+        return dataclasses.asdict(self)
+
+    @staticmethod
+    def from_json(values: dict[str, Any]) -> RayPoseConfig:
+        """Return the configuration of `to_json`'s values.
+
+        Raises:
+            ConfigError: a field is missing or unknown, or a value is out of range.
+        """
+        known = {field.name for field in dataclasses.fields(RayPoseConfig)}
+        if unknown := sorted(values.keys() - known):
+            raise ConfigError(f"unknown fields of a RayPose configuration: {', '.join(unknown)}")
+        if missing := sorted(known - values.keys()):
+            raise ConfigError(f"missing fields of a RayPose configuration: {', '.join(missing)}")
+        return RayPoseConfig(**values)
+
+
+PRESETS: dict[str, RayPoseConfig] = {
+    "tiny": RayPoseConfig(
+        crop_px=48, local_cells=6, map_cells=3, local_width=24, match_width=16, width=32, heads=2, decoder_blocks=1
+    ),
+    "small": RayPoseConfig(),
+    "base": RayPoseConfig(
+        crop_px=128,
+        local_cells=16,
+        map_cells=8,
+        local_width=192,
+        match_width=96,
+        width=384,
+        heads=6,
+        fuser_blocks=4,
+        decoder_blocks=8,
+    ),
+    "paper": RayPoseConfig(
+        image_encoder="dinov2_vitb14",
+        crop_px=224,
+        local_cells=16,
+        map_cells=16,
+        local_width=768,
+        match_width=128,
+        width=768,
+        heads=12,
+        fuser_blocks=4,
+        decoder_blocks=12,
+        matching=False,
+    ),
+}
+"""Sizes by name: ``tiny`` for tests, ``small`` ships, ``base`` wants a GPU, ``paper`` is the published recipe."""
+
+
+def preset(name: str) -> RayPoseConfig:
+    """Return a size by name; raises UnknownNameError."""
+    if name not in PRESETS:
+        raise UnknownNameError("RayPose size", name, list(PRESETS))
+    return PRESETS[name]

@@ -1,0 +1,212 @@
+"""`RayPose`: the whole network. Templates are encoded once, a query once, and only the decoder runs at every step."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from simpick.estimators.raypose.config import RayPoseConfig
+from simpick.estimators.raypose.decoder import Decoder
+from simpick.estimators.raypose.image_encoder import make_image_encoder
+from simpick.estimators.raypose.layers import KeysValues, SelfAttentionBlock, mlp
+from simpick.estimators.raypose.matching import FEATURES, Matcher, Matches
+from simpick.estimators.raypose.pose_maps import ViewPoses
+from simpick.estimators.raypose.view_encoder import ViewEncoder
+
+
+@dataclass(frozen=True, eq=False)
+class QueryInputs:
+    """Crops of detections; all that is known of them."""
+
+    rgb: Float[Tensor, "batch 3 size size"]
+    """In [0, 1]."""
+    masks: Float[Tensor, "batch size size"]
+    half_tangent: Float[Tensor, "batch"]
+    """Tangent of half the crop's angle."""
+
+
+@dataclass(frozen=True, eq=False)
+class TemplateInputs:
+    """Crops of rendered views with their poses and geometry."""
+
+    rgb: Float[Tensor, "batch views 3 size size"]
+    masks: Float[Tensor, "batch views size size"]
+    half_tangent: Float[Tensor, "batch views"]
+    poses: ViewPoses
+    """Leading dimensions (batch, views)."""
+    points: Float[Tensor, "batch views cells 3"]
+    """Mean position in the part's frame of what each cell shows, in diameters; 0 where it shows nothing."""
+    coverage: Float[Tensor, "batch views cells"]
+    """Share of each cell that the part covers."""
+    diameter_m: Float[Tensor, "batch"]
+
+
+@dataclass(frozen=True, eq=False)
+class TemplateTokens:
+    """What is kept of templates: made once, for any query."""
+
+    tokens: Float[Tensor, "batch views tokens width"]
+    descriptors: Float[Tensor, "batch views cells match_width"]
+    points: Float[Tensor, "batch views cells 3"]
+    coverage: Float[Tensor, "batch views cells"]
+    poses: ViewPoses
+    diameter_m: Float[Tensor, "batch"]
+
+
+@dataclass(frozen=True, eq=False)
+class QueryTokens:
+    """What is kept of a query."""
+
+    tokens: Float[Tensor, "batch tokens width"]
+    descriptors: Float[Tensor, "batch cells match_width"]
+    coverage: Float[Tensor, "batch cells"]
+
+
+@dataclass(frozen=True, eq=False)
+class Conditioning:
+    """All that the decoder needs beside noisy maps: the same at every step."""
+
+    base: Float[Tensor, "groups views tokens width"]
+    """Without multiview, every template is a group of its own."""
+    kv: Sequence[KeysValues]
+    reference: ViewPoses
+    """What poses are relative to; leading dimensions (batch, views)."""
+    matches: Matches | None
+
+
+class RayPose(nn.Module):
+    """Query encoder, template encoder with multiview fuser, and diffusion transformer decoder (paper, fig. 2)."""
+
+    def __init__(self, config: RayPoseConfig) -> None:
+        super().__init__()
+        self.config = config
+        cells, width = config.map_cells, config.width
+        self.stride = config.local_cells // cells
+        patch = self.stride**2
+        self.image_encoder = make_image_encoder(config)
+        self.view_encoder = ViewEncoder(cells, width, config.fourier_bands, config.padding)
+        self.embed_image = nn.Linear(patch * config.local_width, width)
+        self.embed_geometry = nn.Linear(patch * 4, width)
+        self.patch_position = nn.Parameter(0.02 * torch.randn(cells * cells, width))
+        self.view_position = nn.Parameter(0.02 * torch.randn(config.templates, width))
+        self.fuser = nn.Sequential(*(SelfAttentionBlock(width, config.heads) for _ in range(config.fuser_blocks)))
+        self.matcher = Matcher(config.local_width, config.match_width)
+        self.embed_matches = nn.Sequential(nn.Linear(patch * (FEATURES + 2), width), mlp(width, 2))
+        self.decoder = Decoder(config)
+
+    def encode_query(self, inputs: QueryInputs) -> QueryTokens:
+        """Return a query's tokens and descriptors: image and box, since its pose is what is asked for."""
+        features = self.image_encoder(inputs.rgb, inputs.masks)  # (batch, local width, cells, cells)
+        tokens = self._image_tokens(features) + self.view_encoder.encode_box(inputs.half_tangent)
+        return QueryTokens(tokens, self.matcher.describe(features), self._coverage(inputs.masks))
+
+    def encode_templates(self, inputs: TemplateInputs) -> TemplateTokens:
+        """Return templates' tokens before they see one another, and their descriptors."""
+        batch, views = inputs.coverage.shape[:2]
+        features = self.image_encoder(inputs.rgb.flatten(0, 1), inputs.masks.flatten(0, 1))
+        tokens = self._image_tokens(features) + self.view_encoder.encode_box(inputs.half_tangent.flatten())
+        if self.config.template_pose:
+            flat = ViewPoses(
+                inputs.poses.R.flatten(0, 1), inputs.poses.centre.flatten(0, 1), inputs.poses.reach_m.flatten()
+            )
+            tokens = tokens + self.view_encoder.encode_pose(flat, inputs.diameter_m.repeat_interleave(views))
+            geometry = torch.cat([_in_view(inputs.points, inputs.poses, inputs.diameter_m), inputs.coverage[..., None]], -1)
+            tokens = tokens + self.embed_geometry(self._patches(geometry.flatten(0, 1)))
+        return TemplateTokens(
+            tokens.unflatten(0, (batch, views)),
+            self.matcher.describe(features).unflatten(0, (batch, views)),
+            inputs.points,
+            inputs.coverage,
+            inputs.poses,
+            inputs.diameter_m,
+        )
+
+    def fuse(self, templates: TemplateTokens) -> TemplateTokens:
+        """Return the templates after all views have seen one another: the multiview fuser E_F."""
+        views = templates.tokens.shape[1]
+        tokens = templates.tokens + self.view_position[:views, None]
+        if self.config.multiview:
+            tokens = self.fuser(tokens.flatten(1, 2)).unflatten(1, (views, -1))
+        else:
+            tokens = self.fuser(tokens.flatten(0, 1)).unflatten(0, (-1, views))
+        return dataclasses.replace(templates, tokens=tokens)
+
+    def condition(self, query: QueryTokens, fused: TemplateTokens) -> Conditioning:
+        """Return what the decoder needs; `fused` must have one set of templates for each query."""
+        batch, views = fused.tokens.shape[:2]
+        reference = self._reference(fused)
+        base = query.tokens[:, None] + fused.tokens  # (batch, views, tokens, width)
+        matches = None
+        if self.config.matching and self.config.template_pose:
+            matches, features = self._match(query, fused, reference)
+            base = base + self.embed_matches(self._patches(features))
+        if self.config.multiview:
+            context = torch.cat([query.tokens, fused.tokens.flatten(1, 2)], dim=1)
+        else:
+            base = base.flatten(0, 1)[:, None]
+            context = torch.cat([query.tokens.repeat_interleave(views, 0), fused.tokens.flatten(0, 1)], dim=1)
+        return Conditioning(base, self.decoder.keys_values(context), reference, matches)
+
+    def denoise(
+        self, maps: Float[Tensor, "batch views p p 6"], log_snr: Float[Tensor, "batch"], conditioning: Conditioning
+    ) -> Float[Tensor, "batch views p p 6"]:
+        """Return the clean maps that noisy ones come from."""
+        shape = maps.shape
+        noisy = maps.flatten(2, 3)
+        if not self.config.multiview:
+            noisy, log_snr = noisy.flatten(0, 1)[:, None], log_snr.repeat_interleave(shape[1])
+        return self.decoder(noisy, log_snr, conditioning.base, conditioning.kv).reshape(shape)
+
+    # -- pieces -------------------------------------------------------------------------------------------------
+
+    def _match(
+        self, query: QueryTokens, fused: TemplateTokens, reference: ViewPoses
+    ) -> tuple[Matches, Float[Tensor, "batch views cells features"]]:
+        views, scale = fused.tokens.shape[1], fused.diameter_m[:, None] / reference.reach_m
+        sets = fused.descriptors, fused.points, fused.coverage
+        if self.config.multiview:
+            matches = self.matcher.match(query.descriptors, *(x.flatten(1, 2) for x in sets))
+            features = matches.features(reference.R, scale, query.coverage)
+        else:
+            each = query.descriptors.repeat_interleave(views, 0)
+            matches = self.matcher.match(each, *(x.flatten(0, 1) for x in sets))
+            coverage = query.coverage.repeat_interleave(views, 0)
+            features = matches.features(reference.R.flatten(0, 1)[:, None], scale.flatten()[:, None], coverage)
+            features = features.squeeze(1).unflatten(0, (-1, views))
+        cells = self.config.local_cells
+        axis = (torch.arange(cells, device=features.device) + 0.5) * (2 / cells) - 1
+        y, x = torch.meshgrid(axis, axis, indexing="ij")
+        grid = torch.stack([x, y], dim=-1).flatten(0, 1).to(features.dtype)
+        return matches, torch.cat([features, grid.expand(*features.shape[:-1], 2)], dim=-1)
+
+    def _reference(self, fused: TemplateTokens) -> ViewPoses:
+        if self.config.relative_pose:
+            return fused.poses
+        # Absolute poses are relative to a view from the front that is as wide as the part.
+        R = torch.eye(3, device=fused.tokens.device).expand_as(fused.poses.R)
+        reach_m = fused.diameter_m[:, None].expand_as(fused.poses.reach_m)
+        return ViewPoses(R, torch.zeros_like(fused.poses.centre), reach_m)
+
+    def _image_tokens(self, features: Float[Tensor, "batch channels h w"]) -> Float[Tensor, "batch tokens width"]:
+        return self.embed_image(self._patches(features.flatten(2).mT)) + self.patch_position
+
+    def _patches(self, cells: Float[Tensor, "*batch cells channels"]) -> Float[Tensor, "*batch tokens patch"]:
+        """Return the cells of each token, one after the other."""
+        s, p = self.stride, self.config.map_cells
+        x = cells.unflatten(-2, (p, s, p, s)).movedim(-3, -4)  # (..., p, p, s, s, channels)
+        return x.flatten(-3).flatten(-3, -2)
+
+    def _coverage(self, masks: Float[Tensor, "batch size size"]) -> Float[Tensor, "batch cells"]:
+        return nn.functional.adaptive_avg_pool2d(masks[:, None], self.config.local_cells).flatten(1)
+
+
+def _in_view(
+    points: Float[Tensor, "batch views cells 3"], poses: ViewPoses, diameter_m: Float[Tensor, "batch"]
+) -> Float[Tensor, "batch views cells 3"]:
+    """Return positions turned into each view's frame, in half sides of its crop."""
+    return torch.einsum("bkij,bknj->bkni", poses.R, points) * (diameter_m[:, None] / poses.reach_m)[..., None, None]
