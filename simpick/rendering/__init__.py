@@ -25,5 +25,6 @@ from simpick.rendering.view_sphere import look_at_part as look_at_part
 from simpick.rendering.view_sphere import turn_in_plane as turn_in_plane
 from simpick.rendering.view_sphere import view_directions as view_directions
 from simpick.rendering.visibility import Visibility as Visibility
+from simpick.rendering.visibility import measure_instance as measure_instance
 from simpick.rendering.visibility import measure_visibility as measure_visibility
 from simpick.rendering.visibility import visible_fractions as visible_fractions

@@ -84,8 +84,9 @@ class Renderer:
     """Renders one model; the OpenGL context is made by the first `render` and freed by `close`.
 
     Geom groups 0 to 2 are seen, groups 3 to 5 (collision geometry) and all decoration such as sites are not. Changes
-    of the model's values (colours, lights, poses) show in the next image; another model needs another renderer. Use
-    it from one thread at a time. Any number of renderers may live in one process.
+    of the model's values (colours, lights, poses) show in the next image, those of its textures after
+    `upload_textures`; another model needs another renderer. Use it from one thread at a time. Any number of renderers
+    may live in one process.
     """
 
     def __init__(
@@ -139,6 +140,13 @@ class Renderer:
         colour = self._draw_colour(rect) if rgb else None
         metric, ids = self._draw_geometry(rect, depth, geoms) if depth or geoms else (None, None)
         return Rendering(colour, metric, ids)
+
+    def upload_textures(self) -> None:
+        """Take over changes of the model's ``tex_data``, which is otherwise read once, by the first `render`."""
+        if self._context is not None:
+            self._make_current()
+            for texture in range(self.model.ntex):
+                mujoco.mjr_uploadTexture(self.model, self._context, texture)
 
     def close(self) -> None:
         """Free the OpenGL context. May be called again; rendering afterwards raises RenderingUnavailableError."""

@@ -46,16 +46,19 @@ class SceneRenderer:
         self._closed = False
 
     def capture(
-        self, camera: str = "overhead", *, rgb: bool = True, depth: bool = True, instances: bool = True
+        self, camera: str | Viewpoint = "overhead", *, rgb: bool = True, depth: bool = True, instances: bool = True
     ) -> CameraFrame:
-        """Return what a camera sees now. Without `rgb` the colour image is black and costs nothing.
+        """Return what a camera of the scene, or one anywhere, sees now.
+
+        Without `rgb` the colour image is black and costs nothing. A viewpoint's image may not be larger than the
+        largest of the scene's cameras.
 
         Raises:
             UnknownNameError: the scene has no such camera.
             RenderingUnavailableError: OpenGL is missing, or this is closed.
         """
-        pinhole, T_world_camera = self.scene.camera(camera)
-        viewpoint = Viewpoint(pinhole, T_world_camera)
+        viewpoint = camera if isinstance(camera, Viewpoint) else Viewpoint(*self.scene.camera(camera))
+        pinhole, T_world_camera = viewpoint.camera, viewpoint.T_world_camera
         image = self.renderer.render(self.scene.data, viewpoint, rgb=rgb, depth=depth, geoms=instances)
         colour = np.zeros((pinhole.height, pinhole.width, 3), np.uint8) if image.rgb is None else image.rgb
         ids = None

@@ -133,7 +133,7 @@ def render_templates(
         views = renderer.render(Ts_camera_part, camera, progress=progress)
     assert views.rgb is not None
     # Rounded as the file rounds it, so that the first run and the next see the same bits.
-    depth_m = _depth_from_steps(_steps_from_depth(views.depth_m, Ts_camera_part, camera), Ts_camera_part, camera)
+    depth_m = depth_from_steps(steps_from_depth(views.depth_m, Ts_camera_part, camera), Ts_camera_part, camera)
     return TemplateSet(part.name, camera, Ts_camera_part, views.rgb, depth_m)
 
 
@@ -145,7 +145,7 @@ def template_path(part: Part, config: TemplateConfig) -> Path:
 
 def _write(path: Path, templates: TemplateSet) -> None:
     """Write the images, compressed by the fastest setting: the next makes files a fifth smaller in thrice the time."""
-    steps = _steps_from_depth(templates.depth_m, templates.Ts_camera_part, templates.camera)
+    steps = steps_from_depth(templates.depth_m, templates.Ts_camera_part, templates.camera)
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as file:
         file.writestr("rgb", templates.rgb.tobytes())
@@ -166,20 +166,21 @@ def _read(path: Path, part: Part, config: TemplateConfig) -> TemplateSet | None:
         return None
     camera = config.camera(part)
     Ts_camera_part = look_at_part(view_directions(config.views), config.distance_m(part))
-    return TemplateSet(part.name, camera, Ts_camera_part, rgb, _depth_from_steps(steps, Ts_camera_part, camera))
+    return TemplateSet(part.name, camera, Ts_camera_part, rgb, depth_from_steps(steps, Ts_camera_part, camera))
 
 
-def _steps_from_depth(
+def steps_from_depth(
     depth_m: Float32[np.ndarray, "views size size"], Ts_camera_part: Float[np.ndarray, "views 4 4"], camera: Pinhole
 ) -> UInt16[np.ndarray, "views size size"]:
-    """Return depth as 16-bit steps of a micrometre or so through the bounding sphere; 0 remains 0."""
+    """Return templates' depth as 16-bit steps of a micrometre or so through the bounding sphere; 0 remains 0."""
     near, step = _depth_scale(Ts_camera_part, camera)
     return np.where(depth_m > 0, 1.5 + (depth_m - near) / step, 0).astype(np.uint16)
 
 
-def _depth_from_steps(
+def depth_from_steps(
     steps: UInt16[np.ndarray, "views size size"], Ts_camera_part: Float[np.ndarray, "views 4 4"], camera: Pinhole
 ) -> Float32[np.ndarray, "views size size"]:
+    """Return the depth in metres that `steps_from_depth` was given, rounded."""
     near, step = _depth_scale(Ts_camera_part, camera)
     return np.where(steps > 0, np.float32(near - step) + steps * np.float32(step), np.float32(0))
 

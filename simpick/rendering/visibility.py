@@ -51,7 +51,9 @@ def measure_visibility(renderer: SceneRenderer, camera: str = "overhead") -> tup
     frame = renderer.capture(camera, rgb=False, depth=False)
     assert frame.instances is not None
     seen = np.bincount(frame.instances[frame.instances >= 0], minlength=len(renderer.scene.instance_of_geom))
-    found = [_measure(renderer, k, seen, frame.camera, frame.T_world_camera) for k in _instances(renderer)]
+    found = [
+        measure_instance(renderer, k, int(seen[k]), frame.camera, frame.T_world_camera) for k in _instances(renderer)
+    ]
     return tuple(visibility for visibility in found if visibility is not None)
 
 
@@ -64,13 +66,17 @@ def _instances(renderer: SceneRenderer) -> list[int]:
     return [int(k) for k in np.unique(renderer.scene.instance_of_geom) if k >= 0]
 
 
-def _measure(
+def measure_instance(
     renderer: SceneRenderer,
     instance: int,
-    seen: np.ndarray,
+    visible_px: int,
     camera: Pinhole,
     T_world_camera: Float[np.ndarray, "4 4"],
 ) -> Visibility | None:
+    """Return the visibility of one instance of which `visible_px` pixels are seen, by drawing it alone.
+
+    None where it is not in front of the camera, or wholly outside the image.
+    """
     model, data = renderer.scene.model, renderer.scene.data
     geoms = np.flatnonzero((renderer.scene.instance_of_geom == instance) & (model.geom_group < 3))
     # The corners of the geoms' bounding boxes bound the projection.
@@ -103,4 +109,4 @@ def _measure(
     top, bottom, left, right = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
     box = np.array([low[0] + left, low[1] + top, low[0] + right, low[1] + bottom], float)
     silhouette = alone[top:bottom, left:right] > 0
-    return Visibility(instance, int(seen[instance]), int(silhouette.sum()), box, silhouette)
+    return Visibility(instance, visible_px, int(silhouette.sum()), box, silhouette)

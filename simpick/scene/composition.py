@@ -33,6 +33,11 @@ def body_name(instance: int) -> str:
     return f"part_{instance:02d}"
 
 
+def material_name(instance: int) -> str:
+    """Return the name of an instance's own material."""
+    return f"{body_name(instance)}/material"
+
+
 def draw_parts(pool: Sequence[Part], count: int, seed: int) -> tuple[Part, ...]:
     """Return the part of each instance, drawn from `pool` with equal chances."""
     rng = np.random.default_rng([seed, _PARTS_STREAM])
@@ -72,6 +77,11 @@ def check_capacity(parts: Sequence[Part], bin: BinConfig) -> None:
 def compose_scene(config: SceneConfig, parts: Sequence[Part], seed: int) -> mujoco.MjSpec:
     """Return the whole cell: arena, lights, cameras, robot, and every instance's body at the world's origin."""
     look = draw_look(RANDOMIZATIONS[config.randomization], len(parts), np.random.default_rng([seed, _LOOK_STREAM]))
+    return compose_with_look(config, parts, look)
+
+
+def compose_with_look(config: SceneConfig, parts: Sequence[Part], look: Look) -> mujoco.MjSpec:
+    """Return the whole cell as `compose_scene` does, in a look of one's own; ``config.randomization`` is not read."""
     spec = _compose_cell(config, look)
     add_lighting(spec, look)
     add_fixed_cameras(spec, config, look.T_camera_jittered)
@@ -108,13 +118,13 @@ def _add_instance(
     name = body_name(instance)
     material = None
     if tint is not None:
-        look = part.material
-        material = f"{name}/material"
+        look = tint.applied_to(part.material)
+        material = material_name(instance)
         spec.add_material(
             name=material,
-            rgba=[*tint.recolour(look.rgb), 1.0],
-            specular=float(np.clip(look.specular + tint.gloss, 0, 1)),
-            shininess=float(np.clip(look.shininess + tint.gloss, 0, 1)),
+            rgba=[*look.rgb, 1.0],
+            specular=look.specular,
+            shininess=look.shininess,
             reflectance=look.reflectance,
         )
     body = add_part(spec, part, name, material=material)

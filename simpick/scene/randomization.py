@@ -6,11 +6,12 @@ Looks never touch the physics: the same seed drops the same parts into the same 
 from __future__ import annotations
 
 import colorsys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from simpick.assets.part import Material
 from simpick.geometry.transforms import random_rotation, so3_exp, so3_log, transform
 from simpick.scene.textures import PATTERNS
 
@@ -115,6 +116,15 @@ class PartTint:
             # A grey part has no hue to turn: strong changes also give it some colour.
             saturation = max(saturation, min(1.0, abs(self.hue_turns)))
         return colorsys.hsv_to_rgb((hue + self.hue_turns) % 1.0, saturation, min(value * self.value_factor, 1.0))
+
+    def applied_to(self, material: Material) -> Material:
+        """Return a part's material as this instance wears it."""
+        return replace(
+            material,
+            rgb=self.recolour(material.rgb),
+            specular=float(np.clip(material.specular + self.gloss, 0, 1)),
+            shininess=float(np.clip(material.shininess + self.gloss, 0, 1)),
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,1 @@
+"""Training: data streamed from renderer processes, and what is learned from it."""

@@ -1,0 +1,164 @@
+"""`Shard`: one training part seen in one bin through several cameras, with its templates, as one file."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+
+from simpick.caching import atomic_path
+from simpick.errors import DatasetError
+from simpick.geometry import ContinuousSymmetry, Pinhole, SymmetryGroup
+from simpick.rendering import TemplateSet
+from simpick.rendering.templates import depth_from_steps, steps_from_depth
+
+_FORMAT = "simpick-shard"
+_VERSION = 1
+_HEADER = "header.json"
+
+
+@dataclass(frozen=True, eq=False)
+class Shard:
+    """Queries of one part, and its templates."""
+
+    part: str
+    """Name of the part: ``random_<seed>``."""
+    diameter_m: float
+    symmetries: SymmetryGroup
+    templates: TemplateSet
+    rgb: UInt8[np.ndarray, "queries size size 3"]
+    """Crops by virtual cameras, see `simpick.geometry.crops`; black where the rendered image ends."""
+    masks: Bool[np.ndarray, "queries size size"]
+    """The visible part of each query's own instance."""
+    focal_px: Float[np.ndarray, "queries"]
+    """Focal length of each crop's camera; its principal point is the crop's centre."""
+    Ts_crop_part: Float[np.ndarray, "queries 4 4"]
+    """True poses in the crops' cameras."""
+    visible_fractions: Float[np.ndarray, "queries"]
+    """Share of the instance's silhouette that is visible."""
+    source_side_px: Float[np.ndarray, "queries"]
+    """Longer side of the visible part's box in the rendered image: how sharp the crop can be."""
+    views: Int[np.ndarray, "queries"]
+    """Number of the rendered image that a query was cut from."""
+    instances: Int[np.ndarray, "queries"]
+    """Number of the query's instance in its bin."""
+
+    def __len__(self) -> int:
+        return len(self.rgb)
+
+    @property
+    def crop_px(self) -> int:
+        """Return the side of a crop."""
+        return self.rgb.shape[1]
+
+    def pinhole(self, query: int) -> Pinhole:
+        """Return the virtual camera of one query."""
+        size, f = self.crop_px, float(self.focal_px[query])
+        return Pinhole(size, size, f, f, size / 2, size / 2)
+
+    def save(self, path: Path) -> None:
+        """Write the shard to one file, whole or not at all; raises OutputError.
+
+        Every array is compressed by the fastest setting and carries a checksum. Templates' depth is rounded as
+        `load_templates` rounds it, which changes nothing for rendered templates.
+        """
+        templates, camera = self.templates, self.templates.camera
+        steps = steps_from_depth(templates.depth_m, templates.Ts_camera_part, camera)
+        continuous = [[*symmetry.axis, *symmetry.offset_m] for symmetry in self.symmetries.continuous]
+        arrays = {
+            **{name: getattr(self, name) for name in _QUERY_ARRAYS if name != "masks"},
+            "masks": np.packbits(self.masks.reshape(len(self), -1), axis=-1),
+            "symmetries_discrete": self.symmetries.discrete,
+            "symmetries_continuous": np.array(continuous, float).reshape(-1, 6),
+            "template_Ts_camera_part": templates.Ts_camera_part,
+            "template_rgb": templates.rgb,
+            "template_depth_steps": steps,
+        }
+        arrays = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
+        header = {
+            "format": _FORMAT,
+            "version": _VERSION,
+            "part": self.part,
+            "diameter_m": self.diameter_m,
+            "template_camera": [camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy],
+            # Little-endian, whatever the machine.
+            "arrays": {name: [array.dtype.newbyteorder("<").str, array.shape] for name, array in arrays.items()},
+        }
+        with (
+            atomic_path(path) as temporary,
+            zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as file,
+        ):
+            file.writestr(_HEADER, json.dumps(header))
+            for name, array in arrays.items():
+                file.writestr(name, array.astype(array.dtype.newbyteorder("<"), copy=False).tobytes())
+
+    @staticmethod
+    def load(path: Path) -> Shard:
+        """Read a shard that `save` wrote.
+
+        Raises:
+            DatasetError: the file is missing, damaged, no shard, or of another version.
+        """
+        try:
+            # Each member carries a checksum, which reading compares.
+            with zipfile.ZipFile(path) as file:
+                header = _read_header(path, file)
+                arrays = {
+                    name: np.frombuffer(file.read(name), np.dtype(kind)).reshape(shape)
+                    for name, (kind, shape) in header["arrays"].items()
+                }
+            return _from_arrays(header, arrays)
+        except FileNotFoundError as error:
+            raise DatasetError(f"there is no shard {path}; make it with `make_shard`") from error
+        # A truncated, damaged or foreign file fails as any of these, depending on where it breaks off.
+        except (OSError, ValueError, KeyError, TypeError, EOFError, NotImplementedError, RuntimeError,
+                zipfile.BadZipFile, zlib.error) as error:  # fmt: skip
+            if isinstance(error, DatasetError):
+                raise
+            raise DatasetError(f"{path} must be a whole shard, is damaged or foreign ({error}); delete it") from error
+
+
+_QUERY_ARRAYS = (
+    "rgb",
+    "masks",
+    "focal_px",
+    "Ts_crop_part",
+    "visible_fractions",
+    "source_side_px",
+    "views",
+    "instances",
+)
+
+
+def _read_header(path: Path, file: zipfile.ZipFile) -> dict[str, Any]:
+    header = json.loads(file.read(_HEADER))
+    if not isinstance(header, dict) or header.get("format") != _FORMAT:
+        raise DatasetError(f"{path} must be a shard of training data, is something else")
+    if header.get("version") != _VERSION:
+        raise DatasetError(
+            f"{path} must be a shard of version {_VERSION}, got {header.get('version')}: another version of simpick"
+            " wrote it; delete it, and it is made anew"
+        )
+    return header
+
+
+def _from_arrays(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> Shard:
+    c = header["template_camera"]
+    camera = Pinhole(int(c[0]), int(c[1]), *(float(value) for value in c[2:]))
+    Ts_camera_part = arrays["template_Ts_camera_part"]
+    depth_m = depth_from_steps(arrays["template_depth_steps"], Ts_camera_part, camera)
+    templates = TemplateSet(header["part"], camera, Ts_camera_part, arrays["template_rgb"], depth_m)
+    continuous = tuple(
+        ContinuousSymmetry(tuple(row[:3]), tuple(row[3:])) for row in arrays["symmetries_continuous"].tolist()
+    )
+    shape = arrays["rgb"].shape[:3]
+    bits = np.unpackbits(arrays["masks"], axis=-1, count=shape[1] * shape[2])
+    query_arrays = {**{name: arrays[name] for name in _QUERY_ARRAYS}, "masks": bits.reshape(shape).astype(bool)}
+    symmetries = SymmetryGroup(arrays["symmetries_discrete"], continuous)
+    return Shard(header["part"], float(header["diameter_m"]), symmetries, templates, **query_arrays)
