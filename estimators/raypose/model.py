@@ -106,17 +106,10 @@ class RayPose(nn.Module):
         return QueryTokens(tokens, self.matcher.describe(features), self._coverage(inputs.masks))
 
     def encode_templates(self, inputs: TemplateInputs) -> TemplateTokens:
-        """Return templates' tokens before they see one another, and their descriptors."""
+        """Return what templates' images say: tokens and descriptors, before poses are told."""
         batch, views = inputs.coverage.shape[:2]
         features = self.image_encoder(inputs.rgb.flatten(0, 1), inputs.masks.flatten(0, 1))
         tokens = self._image_tokens(features) + self.view_encoder.encode_box(inputs.half_tangent.flatten())
-        if self.config.template_pose:
-            flat = ViewPoses(
-                inputs.poses.R.flatten(0, 1), inputs.poses.centre.flatten(0, 1), inputs.poses.reach_m.flatten()
-            )
-            tokens = tokens + self.view_encoder.encode_pose(flat, inputs.diameter_m.repeat_interleave(views))
-            geometry = torch.cat([_in_view(inputs.points, inputs.poses, inputs.diameter_m), inputs.coverage[..., None]], -1)
-            tokens = tokens + self.embed_geometry(self._patches(geometry.flatten(0, 1)))
         return TemplateTokens(
             tokens.unflatten(0, (batch, views)),
             self.matcher.describe(features).unflatten(0, (batch, views)),
@@ -127,9 +120,15 @@ class RayPose(nn.Module):
         )
 
     def fuse(self, templates: TemplateTokens) -> TemplateTokens:
-        """Return the templates after all views have seen one another: the multiview fuser E_F."""
-        views = templates.tokens.shape[1]
+        """Return the templates with their poses told and after all views have seen one another (E_V and E_F)."""
+        views, poses = templates.tokens.shape[1], templates.poses
         tokens = templates.tokens + self.view_position[:views, None]
+        if self.config.template_pose:
+            flat = ViewPoses(poses.R.flatten(0, 1), poses.centre.flatten(0, 1), poses.reach_m.flatten())
+            posed = self.view_encoder.encode_pose(flat, templates.diameter_m.repeat_interleave(views))
+            points = _in_view(templates.points, poses, templates.diameter_m)
+            geometry = self._patches(torch.cat([points, templates.coverage[..., None]], dim=-1))
+            tokens = tokens + posed.unflatten(0, (-1, views)) + self.embed_geometry(geometry)
         if self.config.multiview:
             tokens = self.fuser(tokens.flatten(1, 2)).unflatten(1, (views, -1))
         else:

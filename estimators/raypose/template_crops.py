@@ -75,8 +75,9 @@ def crop_templates(
     rgb = torch.from_numpy(templates.rgb[views]).permute(0, 3, 1, 2).float() / 255
     mask = torch.from_numpy(templates.masks[views])[:, None].float()
     points_m = _points_in_part(templates, views) * mask
-    sampled = sample_recrops(torch.cat([rgb, mask, points_m], dim=1), focal, recrops)
-    cells = F.adaptive_avg_pool2d(sampled[:, 3:], config.local_cells).flatten(2).mT  # (n, cells, 4)
+    sampled = sample_recrops(torch.cat([rgb, mask], dim=1), focal, recrops)
+    geometry = sample_recrops(torch.cat([mask, points_m], dim=1), focal, recrops.halved())
+    cells = F.adaptive_avg_pool2d(geometry, config.local_cells).flatten(2).mT  # (n, cells, 4)
     coverage = cells[..., 0]
     mean = cells[..., 1:] / coverage.clamp_min(1e-6)[..., None] * (coverage > 1e-3)[..., None]
     Ts_crop_part = transform(recrops.Rs_crop_source) @ templates.Ts_camera_part[views]

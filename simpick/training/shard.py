@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float, Float16, Int, UInt8
 
 from simpick.caching import atomic_path
 from simpick.errors import DatasetError
@@ -36,6 +36,8 @@ class Shard:
     """Crops by virtual cameras, see `simpick.geometry.crops`; black where the rendered image ends."""
     masks: Bool[np.ndarray, "queries size size"]
     """The visible part of each query's own instance."""
+    relief_m: Float16[np.ndarray, "queries size size"]
+    """Depth of the surface less that of the part's origin, along the crop's axis; 0 beside the mask."""
     focal_px: Float[np.ndarray, "queries"]
     """Focal length of each crop's camera; its principal point is the crop's centre."""
     Ts_crop_part: Float[np.ndarray, "queries 4 4"]
@@ -127,6 +129,7 @@ class Shard:
 _QUERY_ARRAYS = (
     "rgb",
     "masks",
+    "relief_m",
     "focal_px",
     "Ts_crop_part",
     "visible_fractions",

@@ -7,13 +7,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float, Float16, Float32, UInt8
 
 from simpick.assets.part import Part
 from simpick.assets.random_parts import random_part
 from simpick.errors import ConfigError
-from simpick.geometry import Pinhole, crop_images, invert
+from simpick.geometry import CropBatch, Pinhole, crop_images, invert
 from simpick.geometry.image_boxes import box_of_mask
 from simpick.rendering import SceneRenderer, Viewpoint, Visibility, measure_instance, render_templates
 from simpick.scene import Scene
@@ -46,6 +47,7 @@ class ShardTimes:
 class _Query:
     rgb: UInt8[np.ndarray, "size size 3"]
     mask: Bool[np.ndarray, "size size"]
+    relief: Float16[np.ndarray, "size size"]
     focal_px: float
     T_crop_part: Float[np.ndarray, "4 4"]
     visible_fraction: float
@@ -90,6 +92,7 @@ def make_shard(config: DataConfig, index: int, *, split: Split, times: ShardTime
         templates=templates,
         rgb=np.stack([q.rgb for q in queries]),
         masks=np.stack([q.mask for q in queries]),
+        relief_m=np.stack([q.relief for q in queries]),
         focal_px=np.array([q.focal_px for q in queries]),
         Ts_crop_part=np.stack([q.T_crop_part for q in queries]),
         visible_fractions=np.array([q.visible_fraction for q in queries]),
@@ -137,8 +140,8 @@ def _queries_of_view(
     times: ShardTimes,
 ) -> list[_Query]:
     with times.phase("render"):
-        frame = renderer.capture(viewpoint, depth=False)
-    assert frame.instances is not None
+        frame = renderer.capture(viewpoint)
+    assert frame.instances is not None and frame.depth_m is not None
     seen = np.bincount(frame.instances[frame.instances >= 0], minlength=len(scene.instances))
     fractions: dict[int, float] = {}
     with times.phase("visibility"):
@@ -165,6 +168,7 @@ def _queries_of_view(
         _Query(
             rgb=crops.rgb[row],
             mask=crops.masks[row],
+            relief=_relief(frame.depth_m, frame.camera, crops, row, Ts_crop_world[row] @ scene.T_world_part(k)),
             focal_px=float(crops.cameras.focal_px[row]),
             T_crop_part=Ts_crop_world[row] @ scene.T_world_part(k),
             visible_fraction=fraction,
@@ -174,3 +178,21 @@ def _queries_of_view(
         )
         for row, (k, fraction) in enumerate(fractions.items())
     ]
+
+
+def _relief(
+    depth_m: Float32[np.ndarray, "height width"],
+    camera: Pinhole,
+    crops: CropBatch,
+    row: int,
+    T_crop_part: Float[np.ndarray, "4 4"],
+) -> Float16[np.ndarray, "size size"]:
+    """Return how far behind the part's origin the nearest source pixel's surface lies, along the crop's axis."""
+    H = crops.cameras.homographies(camera)[row]
+    # OpenCV puts pixel centres at integers.
+    to_corners = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5], [0.0, 0.0, 1.0]])
+    size = crops.cameras.size_px
+    z = cv2.warpPerspective(depth_m, np.linalg.inv(to_corners) @ H @ to_corners, (size, size), flags=cv2.INTER_NEAREST)
+    # Depth is measured along the source's axis: a crop's ray of depth 1 has this depth there.
+    rays = crops.cameras.pinhole(row).rays() @ crops.cameras.Rs_crop_camera[row][:, 2]
+    return np.where(crops.masks[row], z / rays - T_crop_part[2, 3], 0).astype(np.float16)  # pyright: ignore

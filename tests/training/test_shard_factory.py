@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 
 from simpick.assets.library import get_part, is_reserved_name, library_part_names
-from simpick.assets.random_parts import seed_from_name
+from simpick.assets.random_parts import random_part, seed_from_name
 from simpick.errors import ConfigError
+from simpick.geometry import invert, transform_points
 from simpick.rendering import PartRenderer, render_templates
 from simpick.training.data_config import DataConfig
 from simpick.training.random_bins import random_bin, random_part_seed
@@ -119,3 +121,17 @@ def test_a_negative_index_is_refused() -> None:
 def test_settings_out_of_range_are_refused(changes: dict, text: str) -> None:
     with pytest.raises(LookupError if "strnog" in text else ConfigError, match=text):
         replace(DataConfig(), **changes)
+
+
+def test_relief_puts_every_pixel_on_the_surface(tiny_shard):
+    part = random_part(int(tiny_shard.part.removeprefix("random_")))
+    for query in range(len(tiny_shard)):
+        rows, columns = np.nonzero(tiny_shard.masks[query])
+        T = tiny_shard.Ts_crop_part[query]
+        depth_m = tiny_shard.relief_m[query, rows, columns].astype(float) + T[2, 3]
+        pixels = np.stack([columns, rows], axis=-1) + 0.5
+        points = transform_points(invert(T), tiny_shard.pinhole(query).back_project(pixels, depth_m))
+        _, distances, _ = trimesh.proximity.closest_point(part.mesh, points)
+        # Pixels at edges may take the depth of the source pixel beside them.
+        assert np.median(distances) < 0.3e-3
+        assert np.quantile(distances, 0.9) < 1.5e-3

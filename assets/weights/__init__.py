@@ -1,0 +1,1 @@
+"""Weights that come with simpick, one model card beside each."""

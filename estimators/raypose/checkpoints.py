@@ -1,0 +1,129 @@
+"""Checkpoints: weights as safetensors with the whole configuration inside, loaded strictly."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import safetensors
+import torch
+from safetensors.torch import save as to_bytes
+
+from simpick.caching import atomic_write_bytes
+from simpick.errors import CheckpointError, ConfigError
+from simpick.estimators.raypose.config import RayPoseConfig
+from simpick.estimators.raypose.model import RayPose
+
+FORMAT = "simpick-raypose"
+VERSION = "1"
+"""Raised when the same weights would mean something else."""
+_FROZEN = "image_encoder.vit."
+
+
+@dataclass(frozen=True, eq=False)
+class Checkpoint:
+    """A network and what is known of how it came about."""
+
+    model: RayPose
+    card: dict[str, Any]
+    """Facts of its training: samples, hours, data, figures."""
+
+
+def save_checkpoint(path: Path, model: RayPose, card: dict[str, Any]) -> None:
+    """Write weights in half precision, configuration and card to one file, whole or not at all.
+
+    A frozen image encoder is left out: its weights are not ours to ship.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    tensors = {
+        name: tensor.detach().cpu().half().contiguous()
+        for name, tensor in model.state_dict().items()
+        if not name.startswith(_FROZEN)
+    }
+    header = {
+        "format": FORMAT,
+        "version": VERSION,
+        "config": json.dumps(model.config.to_json()),
+        "card": json.dumps(card),
+    }
+    atomic_write_bytes(path, to_bytes(tensors, header))
+
+
+def load_checkpoint(path: Path, *, dino_weights: Path | None = None) -> Checkpoint:
+    """Return the network of a checkpoint, ready to estimate.
+
+    Raises:
+        CheckpointError: the file is missing, damaged, foreign, of another version, or its weights do not fit its
+            configuration; or it needs DINOv2's weights and none are given.
+    """
+    header, tensors = _read(path)
+    try:
+        config = RayPoseConfig.from_json(json.loads(header["config"]))
+        card = json.loads(header["card"])
+    except (KeyError, TypeError, ValueError, ConfigError) as error:
+        raise CheckpointError(f"the configuration in {path} cannot be read ({error}); take the file anew") from error
+    model = RayPose(config)
+    expected = {name: tensor for name, tensor in model.state_dict().items() if not name.startswith(_FROZEN)}
+    problems = [f"{name} is missing" for name in expected if name not in tensors]
+    problems += [f"{name} is unknown" for name in tensors if name not in expected]
+    problems += [
+        f"{name} must have shape {tuple(expected[name].shape)}, got {tuple(tensor.shape)}"
+        for name, tensor in tensors.items()
+        if name in expected and expected[name].shape != tensor.shape
+    ]
+    if problems:
+        more = f" and {len(problems) - 3} more" if len(problems) > 3 else ""
+        raise CheckpointError(f"the weights in {path} do not fit their configuration: {'; '.join(problems[:3])}{more}")
+    if not all(bool(tensor.isfinite().all()) for tensor in tensors.values()):
+        raise CheckpointError(f"the weights in {path} must be finite numbers; take the file anew")
+    model.load_state_dict({name: tensor.float() for name, tensor in tensors.items()}, strict=not config.is_dino)
+    if config.is_dino:
+        from simpick.estimators.raypose.dino_encoder import load_dino_weights
+
+        if dino_weights is None:
+            raise CheckpointError(
+                f"{path} needs the weights of {config.image_encoder}, which are not part of it: pass a local file "
+                "(safetensors or .pth) as dino_weights"
+            )
+        load_dino_weights(model.image_encoder, dino_weights)
+    return Checkpoint(model.eval(), card)
+
+
+def shipped_checkpoint(mode: str) -> Path:
+    """Return the file of the weights that come with simpick for ``coarse`` or ``fine``.
+
+    Raises:
+        CheckpointError: this installation has none.
+    """
+    path = Path(str(files("simpick.assets.weights").joinpath(f"raypose_{mode}.safetensors")))
+    if not path.exists():
+        raise CheckpointError(
+            f"this installation has no weights for {mode!r} ({path.name} is missing); train some with: "
+            f"simpick train {mode}, and pass them as weights"
+        )
+    return path
+
+
+def _read(path: Path) -> tuple[dict[str, str], dict[str, torch.Tensor]]:
+    if not path.is_file():
+        raise CheckpointError(f"there is no checkpoint {path}; give the path of a .safetensors file of simpick")
+    try:
+        with safetensors.safe_open(str(path), framework="pt") as file:
+            header = file.metadata() or {}
+            if header.get("format") != FORMAT:
+                raise CheckpointError(
+                    f"{path} must be a checkpoint of RayPose written by simpick, but its format is "
+                    f"{header.get('format', 'not given')!r}"
+                )
+            if header.get("version") != VERSION:
+                raise CheckpointError(
+                    f"{path} must be of version {VERSION}, got {header.get('version')!r}; use the simpick that wrote it"
+                )
+            return header, {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - it is no mapping
+    except (safetensors.SafetensorError, OSError, ValueError) as error:
+        raise CheckpointError(f"{path} is damaged or no safetensors file ({error}); take it anew") from error

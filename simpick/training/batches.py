@@ -1,0 +1,175 @@
+"""Training batches: queries of shards, each with templates drawn for it, and the pose maps that are to be learned."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+from torch.nn import functional as F
+
+from simpick.estimators.raypose.config import RayPoseConfig
+from simpick.estimators.raypose.model import QueryInputs, TemplateInputs
+from simpick.estimators.raypose.pose_maps import ViewPoses
+from simpick.estimators.raypose.recrops import Recrops, aim_recrops, sample_recrops
+from simpick.estimators.raypose.template_choice import draw_around, draw_over_sphere, spread_over_sphere
+from simpick.estimators.raypose.template_crops import TemplateCrops, collate, crop_templates
+from simpick.geometry import invert, so3_exp, transform, turned_boxes
+from simpick.training.augmentation import AugmentationConfig, jitter_boxes, perturb_mask
+from simpick.training.shard import Shard
+
+CENTRE_ERROR = 0.4
+"""Fine templates are drawn around the true pose turned by a normal error of this share of the spread."""
+NOMINAL_DISTANCE_M = 0.9
+"""At which `RayPoseConfig.spread_m` is a shift or a change of distance."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingBatch:
+    """What one step learns from."""
+
+    query: QueryInputs
+    templates: TemplateInputs
+    truth: ViewPoses
+    """Of the queries; leading dimensions (batch, 1). Of equivalent poses the one closest to the templates."""
+    points: Float[Tensor, "batch cells 3"]
+    """Mean position in the part's frame of what each query cell shows, in diameters."""
+    seen: Bool[Tensor, "batch cells"]
+    """Whether a query cell shows the part."""
+    Ts_crop_part: Float[np.ndarray, "batch 4 4"]
+    rows: tuple[tuple[int, int], ...]
+    """Shard and query within it of each row."""
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+
+def make_batch(
+    shards: Sequence[Shard],
+    queries: Sequence[Int[np.ndarray, "n"]],
+    config: RayPoseConfig,
+    rng: np.random.Generator,
+    *,
+    augmentation: AugmentationConfig | None = None,
+) -> TrainingBatch:
+    """Return the given queries of each shard as one batch; all randomness comes from `rng`."""
+    augmentation = augmentation or AugmentationConfig()
+    parts = [
+        _part_batch(shard, rows, config, rng, augmentation) for shard, rows in zip(shards, queries, strict=True)
+    ]
+    sets = [crops for part in parts for crops in part.sets]
+    diameters = [shard.diameter_m for shard, part in zip(shards, parts, strict=True) for _ in part.sets]
+    half_tangent = torch.cat([part.half_tangent for part in parts])
+    Ts = np.concatenate([part.Ts_crop_part for part in parts])
+    return TrainingBatch(
+        QueryInputs(torch.cat([p.rgb for p in parts]), torch.cat([p.masks for p in parts]), half_tangent),
+        collate(sets, diameters),
+        ViewPoses.of(torch.tensor(Ts, dtype=torch.float32)[:, None], half_tangent[:, None]),
+        torch.cat([p.points for p in parts]),
+        torch.cat([p.seen for p in parts]),
+        Ts,
+        tuple((k, int(row)) for k, rows in enumerate(queries) for row in rows),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _PartBatch:
+    rgb: Float[Tensor, "n 3 size size"]
+    masks: Float[Tensor, "n size size"]
+    half_tangent: Float[Tensor, "n"]
+    points: Float[Tensor, "n cells 3"]
+    seen: Bool[Tensor, "n cells"]
+    Ts_crop_part: Float[np.ndarray, "n 4 4"]
+    sets: list[TemplateCrops]
+
+
+def _part_batch(
+    shard: Shard,
+    rows: Int[np.ndarray, "n"],
+    config: RayPoseConfig,
+    rng: np.random.Generator,
+    augmentation: AugmentationConfig,
+) -> _PartBatch:
+    masks = np.stack([perturb_mask(shard.masks[row], augmentation, rng) for row in rows])
+    angles = rng.uniform(-np.pi, np.pi, len(rows)) * augmentation.turn
+    boxes = jitter_boxes(turned_boxes(masks, angles[:, None])[:, 0], augmentation, rng)
+    recrops = aim_recrops(
+        shard.crop_px, shard.focal_px[rows], angles, boxes, config.crop_px, padding=config.padding
+    )
+    Ts = transform(recrops.Rs_crop_source) @ shard.Ts_crop_part[rows]
+    sampled, points_m, seen = _sample(shard, rows, masks, recrops, config)
+    gain = torch.tensor(1 + augmentation.brightness * rng.uniform(-1, 1, len(rows)), dtype=torch.float32)
+    rgb = (sampled[:, :3] * gain[:, None, None, None]).clamp(0, 1)
+    sets, truths = [], np.empty_like(Ts)
+    for k, T in enumerate(Ts):
+        sets.append(_draw_templates(shard, T, config, rng))
+        truths[k] = T
+    # Equivalent poses: templates were drawn around one of them, and so is the truth told.
+    for k, (crops, T) in enumerate(zip(sets, Ts, strict=True)):
+        nearest = int(np.argmax(np.einsum("nij,ij->n", crops.Ts_crop_part[:, :3, :3], T[:3, :3])))
+        reference = T if config.is_fine else crops.Ts_crop_part[nearest]
+        truths[k] = shard.symmetries.closest_equivalent(T, reference)
+        sets[k] = crops.nearest_to(truths[k], shard.symmetries)
+    return _PartBatch(
+        rgb,
+        sampled[:, 3],
+        torch.tensor(recrops.half_tangent, dtype=torch.float32),
+        _in_part(points_m, truths) / shard.diameter_m,
+        seen,
+        truths,
+        sets,
+    )
+
+
+def _sample(
+    shard: Shard,
+    rows: Int[np.ndarray, "n"],
+    masks: Bool[np.ndarray, "n size size"],
+    recrops: Recrops,
+    config: RayPoseConfig,
+) -> tuple[Float[Tensor, "n 4 crop crop"], Float[Tensor, "n cells 3"], Bool[Tensor, "n cells"]]:
+    """Return colour and mask of the crops, and for each cell the mean surface point in the crop's frame (m)."""
+    size, focal = shard.crop_px, shard.focal_px[rows]
+    rgb = torch.from_numpy(shard.rgb[rows]).permute(0, 3, 1, 2).float() / 255
+    mask = torch.from_numpy(masks)[:, None].float()
+    # What a grown mask adds is not the part.
+    true_mask = torch.from_numpy(masks & shard.masks[rows])[:, None].float()
+    depth = torch.from_numpy(shard.relief_m[rows].astype(np.float32) + shard.Ts_crop_part[rows, 2, 3][:, None, None].astype(np.float32))
+    axis = (torch.arange(size) + 0.5 - size / 2)
+    y, x = torch.meshgrid(axis, axis, indexing="ij")
+    rays = torch.stack([x, y], dim=0) / torch.tensor(focal, dtype=torch.float32)[:, None, None, None]
+    points = torch.cat([rays, torch.ones_like(rays[:, :1])], dim=1) * depth[:, None]  # (n, 3, size, size)
+    sampled = sample_recrops(torch.cat([rgb, mask], dim=1), focal, recrops)
+    geometry = sample_recrops(torch.cat([true_mask, points * true_mask], dim=1), focal, recrops.halved())
+    cells = F.adaptive_avg_pool2d(geometry, config.local_cells).flatten(2).mT  # (n, cells, 4)
+    mean = cells[..., 1:] / cells[..., :1].clamp_min(1e-6)
+    R = torch.tensor(recrops.Rs_crop_source, dtype=torch.float32)
+    return sampled, torch.einsum("nij,ncj->nci", R, mean), cells[..., 0] > 0.5
+
+
+def _in_part(points_m: Float[Tensor, "n cells 3"], Ts_crop_part: Float[np.ndarray, "n 4 4"]) -> Float[Tensor, "n cells 3"]:
+    T = torch.tensor(invert(Ts_crop_part), dtype=torch.float32)
+    return torch.einsum("nij,ncj->nci", T[:, :3, :3], points_m) + T[:, None, :3, 3]
+
+
+def _draw_templates(
+    shard: Shard, T_crop_part: Float[np.ndarray, "4 4"], config: RayPoseConfig, rng: np.random.Generator
+) -> TemplateCrops:
+    Rs = shard.templates.Ts_camera_part[:, :3, :3]
+    count = config.templates
+    if not config.is_fine:
+        if config.template_views == "fixed":
+            return crop_templates(shard.templates, spread_over_sphere(Rs, count), np.zeros(count), config)
+        return crop_templates(shard.templates, *draw_over_sphere(Rs, count, rng), config)
+    spread = np.radians(config.spread_deg)
+    error = np.clip(rng.normal(0, CENTRE_ERROR * spread), -spread, spread)
+    axis = rng.normal(size=3)
+    R_centre = so3_exp(error * axis / np.linalg.norm(axis)) @ T_crop_part[:3, :3]
+    views, angles = draw_around(Rs, R_centre, count, spread, rng)
+    relative = config.spread_m / NOMINAL_DISTANCE_M
+    shift = rng.uniform(-relative, relative, (count, 2))
+    zoom = 1 + rng.uniform(-relative, relative, count)
+    return crop_templates(shard.templates, views, angles, config, shift=shift, zoom=zoom)
