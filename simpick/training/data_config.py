@@ -51,11 +51,11 @@ class DataConfig:
     """Greatest angle between the optical axis and the vertical."""
     distance_m: tuple[float, float] = (0.6, 1.2)
     """From the camera to the point that it looks at."""
-    diameter_px: tuple[float, float] = (36.0, 200.0)
+    diameter_px: tuple[float, float] = (32.0, 180.0)
     """The part's diameter in the rendered image, at that distance, drawn uniformly in its logarithm."""
-    image_width_px: int = 640
+    image_width_px: int = 560
     """Greatest width of a rendered image."""
-    image_height_px: int = 480
+    image_height_px: int = 420
     """Greatest height of a rendered image."""
     randomizations: tuple[str, ...] = ("default", "strong")
     """Presets of `RANDOMIZATIONS`; each view is lit and coloured by one of them, drawn with equal chances."""

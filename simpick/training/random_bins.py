@@ -22,7 +22,7 @@ _PHYSICS = PhysicsConfig(
 # Share of the bin's hollow that the parts' convex hulls may fill; a heap far over the rim takes ever so long to rest.
 _FULLEST = 0.45
 # Other parts come from a pool that every process soon holds; the shard's own part is new in each shard.
-_OTHERS_POOL = 200
+_OTHERS_POOL = 64
 
 
 def random_part_seed(rng: np.random.Generator, split: Split) -> int:
@@ -40,6 +40,7 @@ def random_bin(config: DataConfig, part: Part, rng: np.random.Generator, split: 
     """
     parts = _draw_instances(config, part, rng, split)
     standard = BinConfig()
+    last: SceneError | None = None
     for _ in range(_ATTEMPTS):
         scale = rng.uniform(*config.bin_scale, size=2)
         bin = BinConfig(float(scale[0] * standard.length_m), float(scale[1] * standard.width_m))

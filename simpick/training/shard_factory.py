@@ -24,6 +24,8 @@ from simpick.training.data_config import DataConfig, Split
 from simpick.training.random_bins import random_bin, random_part_seed
 from simpick.training.shard import Shard
 
+VERSION = 1
+"""Raise when the same configuration would give other shards."""
 _BINS = 5
 
 
