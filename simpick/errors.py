@@ -67,3 +67,7 @@ class SimulationFaultError(SceneError):
 
 class DatasetError(SimpickError, ValueError):
     """A data set on disk does not follow its format; the message names file, line or key."""
+
+
+class CheckpointError(SimpickError, ValueError):
+    """Weights are missing, damaged, foreign, of another version or of another network; the message says which."""

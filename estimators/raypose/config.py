@@ -61,7 +61,16 @@ class RayPoseConfig:
     def __post_init__(self) -> None:
         if self.image_encoder not in IMAGE_ENCODERS:
             raise UnknownNameError("image encoder", self.image_encoder, IMAGE_ENCODERS)
-        for name in ("crop_px", "local_cells", "map_cells", "local_width", "match_width", "width", "heads", "templates"):
+        for name in (
+            "crop_px",
+            "local_cells",
+            "map_cells",
+            "local_width",
+            "match_width",
+            "width",
+            "heads",
+            "templates",
+        ):
             if getattr(self, name) < 1:
                 raise ConfigError(f"{name} must be 1 or more, got {getattr(self, name)}")
         for name in ("fuser_blocks", "decoder_blocks", "fourier_bands"):

@@ -81,9 +81,9 @@ class DiTBlock(nn.Module):
         noise_level: Float[Tensor, "batch width"],
     ) -> Float[Tensor, "batch views tokens width"]:
         """Return the tokens after one block: those of one view see one another, and all see what `kv` is made of."""
-        shift_s, scale_s, gate_s, shift_c, scale_c, gate_c, shift_m, scale_m, gate_m = (
-            self.modulation(F.silu(noise_level))[:, None, None].chunk(9, dim=-1)  # each (batch, 1, 1, width)
-        )
+        shift_s, scale_s, gate_s, shift_c, scale_c, gate_c, shift_m, scale_m, gate_m = self.modulation(
+            F.silu(noise_level)
+        )[:, None, None].chunk(9, dim=-1)  # each (batch, 1, 1, width)
         batch, views = x.shape[:2]
         h = (self.norm_self(x) * (1 + scale_s) + shift_s).flatten(0, 1)  # (batch * views, tokens, width)
         h = self.self_attention(h, self.self_attention.keys_values(h))

@@ -57,9 +57,7 @@ def translation_reconstruction(predicted: Maps, target: Maps) -> Float[Tensor, "
     return (predicted - target).square().sum(dim=-1).mean()
 
 
-def translation_xyz(
-    predicted: Maps, query: ViewPoses, reference: ViewPoses, padding: float
-) -> Float[Tensor, ""]:
+def translation_xyz(predicted: Maps, query: ViewPoses, reference: ViewPoses, padding: float) -> Float[Tensor, ""]:
     """Return the L1 error of the decoded x, y and z (eq. 14), x and y in reaches of the query, z in its depth.
 
     Relative, so that large and distant parts do not count more; `query` is the truth.

@@ -45,9 +45,7 @@ class Matches:
         """
         turned = torch.einsum("bkij,bnj->bkni", R, self.points)  # (batch, views, query cells, 3)
         rest = torch.stack([self.spread * 4, self.likeness, coverage], dim=-1)  # (batch, query cells, 3)
-        return torch.cat(
-            [turned * scale[..., None, None], rest[:, None].expand(-1, R.shape[1], -1, -1)], dim=-1
-        )
+        return torch.cat([turned * scale[..., None, None], rest[:, None].expand(-1, R.shape[1], -1, -1)], dim=-1)
 
 
 class Matcher(nn.Module):

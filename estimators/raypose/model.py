@@ -137,7 +137,7 @@ class RayPose(nn.Module):
 
     def condition(self, query: QueryTokens, fused: TemplateTokens) -> Conditioning:
         """Return what the decoder needs; `fused` must have one set of templates for each query."""
-        batch, views = fused.tokens.shape[:2]
+        views = fused.tokens.shape[1]
         reference = self._reference(fused)
         base = query.tokens[:, None] + fused.tokens  # (batch, views, tokens, width)
         matches = None

@@ -102,9 +102,7 @@ def encode_pose_maps(
     return torch.cat([rays, offsets, scale[..., None, None, None].expand(*rays.shape[:-1], 1)], dim=-1)
 
 
-def decode_pose_maps(
-    maps: Float[Tensor, "*batch cells cells 6"], reference: ViewPoses, padding: float
-) -> ViewPoses:
+def decode_pose_maps(maps: Float[Tensor, "*batch cells cells 6"], reference: ViewPoses, padding: float) -> ViewPoses:
     """Return the view that `encode_pose_maps` was given, or the one closest to noisy maps. Differentiable."""
     R = decode_rotation(maps[..., :3]) @ reference.R
     centre = decode_centre(maps[..., 3:5], padding)

@@ -18,7 +18,10 @@ SCHEDULES = ("log_snr", "cosine", "linear")
 
 @dataclass(frozen=True, eq=False)
 class Schedule:
-    """log(alpha_t / (1 - alpha_t)) of the timesteps 1 to T, falling; M_t = sqrt(alpha_t) M_0 + sqrt(1 - alpha_t) eps."""
+    """log(alpha_t / (1 - alpha_t)) of the timesteps 1 to T, which falls.
+
+    M_t = sqrt(alpha_t) M_0 + sqrt(1 - alpha_t) eps (paper, eq. 6).
+    """
 
     log_snrs: Float[Tensor, "timesteps"]
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -46,6 +48,10 @@ class TrainingBatch:
     def __len__(self) -> int:
         return len(self.rows)
 
+    def to(self, device: torch.device) -> TrainingBatch:
+        """Return the batch with its tensors on a device."""
+        return self if device.type == "cpu" else _moved(self, device)
+
 
 def make_batch(
     shards: Sequence[Shard],
@@ -57,9 +63,7 @@ def make_batch(
 ) -> TrainingBatch:
     """Return the given queries of each shard as one batch; all randomness comes from `rng`."""
     augmentation = augmentation or AugmentationConfig()
-    parts = [
-        _part_batch(shard, rows, config, rng, augmentation) for shard, rows in zip(shards, queries, strict=True)
-    ]
+    parts = [_part_batch(shard, rows, config, rng, augmentation) for shard, rows in zip(shards, queries, strict=True)]
     sets = [crops for part in parts for crops in part.sets]
     diameters = [shard.diameter_m for shard, part in zip(shards, parts, strict=True) for _ in part.sets]
     half_tangent = torch.cat([part.half_tangent for part in parts])
@@ -96,17 +100,12 @@ def _part_batch(
     masks = np.stack([perturb_mask(shard.masks[row], augmentation, rng) for row in rows])
     angles = rng.uniform(-np.pi, np.pi, len(rows)) * augmentation.turn
     boxes = jitter_boxes(turned_boxes(masks, angles[:, None])[:, 0], augmentation, rng)
-    recrops = aim_recrops(
-        shard.crop_px, shard.focal_px[rows], angles, boxes, config.crop_px, padding=config.padding
-    )
+    recrops = aim_recrops(shard.crop_px, shard.focal_px[rows], angles, boxes, config.crop_px, padding=config.padding)
     Ts = transform(recrops.Rs_crop_source) @ shard.Ts_crop_part[rows]
     sampled, points_m, seen = _sample(shard, rows, masks, recrops, config)
     gain = torch.tensor(1 + augmentation.brightness * rng.uniform(-1, 1, len(rows)), dtype=torch.float32)
     rgb = (sampled[:, :3] * gain[:, None, None, None]).clamp(0, 1)
-    sets, truths = [], np.empty_like(Ts)
-    for k, T in enumerate(Ts):
-        sets.append(_draw_templates(shard, T, config, rng))
-        truths[k] = T
+    sets, truths = [_draw_templates(shard, T, config, rng) for T in Ts], np.empty_like(Ts)
     # Equivalent poses: templates were drawn around one of them, and so is the truth told.
     for k, (crops, T) in enumerate(zip(sets, Ts, strict=True)):
         nearest = int(np.argmax(np.einsum("nij,ij->n", crops.Ts_crop_part[:, :3, :3], T[:3, :3])))
@@ -137,8 +136,9 @@ def _sample(
     mask = torch.from_numpy(masks)[:, None].float()
     # What a grown mask adds is not the part.
     true_mask = torch.from_numpy(masks & shard.masks[rows])[:, None].float()
-    depth = torch.from_numpy(shard.relief_m[rows].astype(np.float32) + shard.Ts_crop_part[rows, 2, 3][:, None, None].astype(np.float32))
-    axis = (torch.arange(size) + 0.5 - size / 2)
+    depth_m = shard.relief_m[rows].astype(np.float32) + shard.Ts_crop_part[rows, 2, 3][:, None, None]
+    depth = torch.from_numpy(depth_m.astype(np.float32))
+    axis = torch.arange(size) + 0.5 - size / 2
     y, x = torch.meshgrid(axis, axis, indexing="ij")
     rays = torch.stack([x, y], dim=0) / torch.tensor(focal, dtype=torch.float32)[:, None, None, None]
     points = torch.cat([rays, torch.ones_like(rays[:, :1])], dim=1) * depth[:, None]  # (n, 3, size, size)
@@ -150,7 +150,9 @@ def _sample(
     return sampled, torch.einsum("nij,ncj->nci", R, mean), cells[..., 0] > 0.5
 
 
-def _in_part(points_m: Float[Tensor, "n cells 3"], Ts_crop_part: Float[np.ndarray, "n 4 4"]) -> Float[Tensor, "n cells 3"]:
+def _in_part(
+    points_m: Float[Tensor, "n cells 3"], Ts_crop_part: Float[np.ndarray, "n 4 4"]
+) -> Float[Tensor, "n cells 3"]:
     T = torch.tensor(invert(Ts_crop_part), dtype=torch.float32)
     return torch.einsum("nij,ncj->nci", T[:, :3, :3], points_m) + T[:, None, :3, 3]
 
@@ -173,3 +175,12 @@ def _draw_templates(
     shift = rng.uniform(-relative, relative, (count, 2))
     zoom = 1 + rng.uniform(-relative, relative, count)
     return crop_templates(shard.templates, views, angles, config, shift=shift, zoom=zoom)
+
+
+def _moved(value: Any, device: torch.device) -> Any:
+    if isinstance(value, torch.Tensor):
+        return value.to(device, non_blocking=True)
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        fields = {f.name: _moved(getattr(value, f.name), device) for f in dataclasses.fields(value)}
+        return type(value)(**fields)
+    return value

@@ -10,7 +10,7 @@ from simpick.errors import ConfigError, UnknownNameError
 from simpick.estimators import PoseEstimator
 from simpick.estimators.retrieval import RetrievalConfig, RetrievalEstimator, template_index
 from simpick.estimators.retrieval.descriptors import CROP_PX, describe
-from simpick.geometry import Pinhole, box_of_mask, turned_boxes, random_rotation, transform
+from simpick.geometry import Pinhole, box_of_mask, random_rotation, transform, turned_boxes
 from simpick.records import CameraFrame, Detection
 from simpick.rendering import TemplateConfig, load_templates, render_part_views
 

@@ -1,0 +1,69 @@
+"""`Processes`: one process, or several under torchrun, each with a device and gradients averaged over all."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+import torch
+from torch import distributed, nn
+
+from simpick.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class Processes:
+    """One process among those that train together. A context manager."""
+
+    rank: int
+    count: int
+    device: torch.device
+
+    @staticmethod
+    def from_environment(device: str) -> Processes:
+        """Return what torchrun's variables say, or one process alone; `device` is cuda, cpu or auto.
+
+        Raises:
+            ConfigError: there is no such device here.
+        """
+        if device not in ("auto", "cuda", "cpu"):
+            raise ConfigError(f"device must be auto, cuda or cpu, got {device!r}")
+        has_cuda = torch.cuda.is_available()
+        if device == "cuda" and not has_cuda:
+            raise ConfigError("device cuda was asked for, but torch finds none here; use --device cpu")
+        rank, count = int(os.environ.get("RANK", 0)), int(os.environ.get("WORLD_SIZE", 1))
+        if device == "cpu" or not has_cuda:
+            return Processes(rank, count, torch.device("cpu"))
+        return Processes(rank, count, torch.device("cuda", int(os.environ.get("LOCAL_RANK", 0))))
+
+    @property
+    def is_first(self) -> bool:
+        """Return whether this is the process that writes."""
+        return self.rank == 0
+
+    def average_gradients(self, model: nn.Module) -> None:
+        """Replace every gradient by its mean over the processes, in one transfer."""
+        if self.count == 1:
+            return
+        gradients = [p.grad for p in model.parameters() if p.grad is not None]
+        flat = torch.cat([g.flatten() for g in gradients])
+        distributed.all_reduce(flat)
+        for g, mean in zip(gradients, (flat / self.count).split([g.numel() for g in gradients]), strict=True):
+            g.copy_(mean.view_as(g))
+
+    def agree(self, seconds: float) -> float:
+        """Return the longest of all processes' times, so that all end together."""
+        if self.count == 1:
+            return seconds
+        longest = torch.tensor(seconds, device=self.device)
+        distributed.all_reduce(longest, op=distributed.ReduceOp.MAX)
+        return float(longest)
+
+    def __enter__(self) -> Processes:
+        if self.count > 1:
+            distributed.init_process_group("nccl" if self.device.type == "cuda" else "gloo")
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        if self.count > 1:
+            distributed.destroy_process_group()

@@ -1,0 +1,244 @@
+"""`train`: the training loop, with a time budget, exact resume, and any number of processes under torchrun."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import nn
+
+from simpick.errors import ConfigError, SimpickError
+from simpick.estimators.raypose.checkpoints import load_checkpoint, save_checkpoint
+from simpick.estimators.raypose.config import RayPoseConfig
+from simpick.estimators.raypose.losses import weighted_sum
+from simpick.estimators.raypose.model import RayPose
+from simpick.estimators.raypose.schedule import make_schedule
+from simpick.training.batch_source import BatchSource
+from simpick.training.batches import TrainingBatch
+from simpick.training.machine import Machine
+from simpick.training.processes import Processes
+from simpick.training.run_folder import RunFolder
+from simpick.training.shard_stream import ShardStream
+from simpick.training.train_config import TrainConfig
+from simpick.training.training_step import loss_terms
+from simpick.training.validation import Validation
+
+
+@dataclass(frozen=True)
+class Budget:
+    """When a run ends: after so many steps in all, or after so much time in all, whichever comes first."""
+
+    minutes: float | None = None
+    """Wall-clock time of training, over all resumptions; data that is waited for counts."""
+    steps: int | None = None
+    """Steps, over all resumptions."""
+
+    def __post_init__(self) -> None:
+        if self.minutes is None and self.steps is None:
+            raise ConfigError("a run needs an end: give minutes or steps")
+        for name in ("minutes", "steps"):
+            value = getattr(self, name)
+            if value is not None and not value > 0:
+                raise ConfigError(f"{name} must be above 0, got {value}")
+
+    def progress(self, step: int, seconds: float) -> float:
+        """Return the share of the run that is done; 1 or more at its end."""
+        by_steps = step / self.steps if self.steps else 0.0
+        by_time = seconds / (60 * self.minutes) if self.minutes else 0.0
+        return max(by_steps, by_time)
+
+
+def train(
+    network: RayPoseConfig,
+    config: TrainConfig,
+    budget: Budget,
+    folder: Path,
+    *,
+    machine: Machine | None = None,
+    start_from: Path | None = None,
+    on_row: Callable[[dict[str, Any], float], None] | None = None,
+) -> Path:
+    """Train a network until the budget is spent and return the file of its weights.
+
+    A folder that holds a run of the same configuration goes on where that stopped: weights, their average, optimiser,
+    step, and with the step all randomness and the data's order. `start_from` are weights to begin with instead of
+    random ones. `on_row` is called with each row of the log and the share of the run that is done.
+
+    Raises:
+        ConfigError: the folder holds another run; more templates are trained with than the network takes.
+        SimpickError: data cannot be made, or the loss is not a number any more.
+    """
+    if config.templates > network.templates:
+        raise ConfigError(f"templates must be at most the network's {network.templates}, got {config.templates}")
+    machine = machine or Machine()
+    processes = Processes.from_environment(machine.device)
+    if machine.threads:
+        torch.set_num_threads(machine.threads)
+    run = RunFolder(folder, {"network": network.to_json(), "training": asdict(config)}, processes.rank)
+    state = _start(network, config, processes.device, start_from)
+    if saved := run.load_state():
+        state.load(saved)
+    trainer = _Trainer(config, budget, machine, processes, run, state, on_row or (lambda row, progress: None))
+    with processes:
+        trainer.run()
+    return run.weights
+
+
+@dataclass
+class _State:
+    """All that changes from step to step."""
+
+    model: RayPose
+    average: RayPose
+    optimizer: torch.optim.Optimizer
+    step: int = 0
+    seconds: float = 0.0
+
+    def save(self) -> dict[str, Any]:
+        return {
+            "model": self.model.state_dict(),
+            "average": self.average.state_dict(),
+            "optimizer": self.optimizer.state_dict(),
+            "step": self.step,
+            "seconds": self.seconds,
+        }
+
+    def load(self, saved: dict[str, Any]) -> None:
+        self.model.load_state_dict(saved["model"])
+        self.average.load_state_dict(saved["average"])
+        self.optimizer.load_state_dict(saved["optimizer"])
+        self.step, self.seconds = saved["step"], saved["seconds"]
+
+    def average_in(self, decay: float) -> None:
+        # A young average forgets faster, or it would hold on to random weights for long.
+        decay = min(decay, (1 + self.step) / (10 + self.step))
+        with torch.no_grad():
+            for old, new in zip(self.average.parameters(), self.model.parameters(), strict=True):
+                old.lerp_(new, 1 - decay)
+
+
+def _start(network: RayPoseConfig, config: TrainConfig, device: torch.device, start_from: Path | None) -> _State:
+    torch.manual_seed(config.seed)
+    model = RayPose(network)
+    if start_from is not None:
+        begun = load_checkpoint(start_from).model
+        try:
+            model.load_state_dict(begun.state_dict())
+        except RuntimeError as error:
+            raise ConfigError(f"{start_from} must hold weights of this network's size; it does not: {error}") from error
+    model = model.to(device).to(memory_format=torch.channels_last)  # pyright: ignore[reportCallIssue]
+    trained = [p for p in model.parameters() if p.requires_grad]
+    optimizer = torch.optim.AdamW(trained, lr=config.learning_rate, betas=(0.9, 0.98), weight_decay=config.weight_decay)
+    return _State(model.train(), copy.deepcopy(model).eval(), optimizer)
+
+
+class _Trainer:
+    def __init__(
+        self,
+        config: TrainConfig,
+        budget: Budget,
+        machine: Machine,
+        processes: Processes,
+        run: RunFolder,
+        state: _State,
+        on_row: Callable[[dict[str, Any], float], None],
+    ) -> None:
+        self.config, self.budget, self.machine, self.processes = config, budget, machine, processes
+        self.run_folder, self.state, self.on_row = run, state, on_row
+        self.schedule = make_schedule(config.schedule)
+        self.sums: dict[str, float] = {}
+        self.counted = 0
+
+    def run(self) -> None:
+        """Train until the budget is spent."""
+        if self._progress() >= 1:
+            return
+        with BatchSource(
+            self.config, self.state.model.config, self.run_folder.shards, self.machine, self.processes, self.state.step
+        ) as source:
+            validation = self._validation() if self.processes.is_first else None
+            last = time.perf_counter()
+            validated_s = self.state.seconds
+            while True:
+                self._step(source.get(self.state.step))
+                now = time.perf_counter()
+                self.state.seconds += self.processes.agree(now - last)
+                last = now
+                ended = self._progress() >= 1
+                if self.state.step % 20 == 0 or ended:
+                    self._log(source)
+                if ended or self.state.seconds - validated_s >= self.machine.validate_every_s:
+                    validated_s = self.state.seconds
+                    if validation is not None:
+                        self._validate(validation)
+                    # Validation is not training: its time is not charged to the budget.
+                    last = time.perf_counter()
+                if ended:
+                    return
+
+    def _step(self, batch: TrainingBatch) -> None:
+        config, state, device = self.config, self.state, self.processes.device
+        rate = config.learning_rate_at(state.step, min(1.0, self._progress()))
+        for group in state.optimizer.param_groups:
+            group["lr"] = rate
+        seed = np.random.SeedSequence([config.seed, 9, self.processes.rank, state.step]).generate_state(1, np.uint64)
+        generator = torch.Generator().manual_seed(int(seed[0]) >> 1)
+        with torch.autocast(device.type, torch.bfloat16, enabled=device.type == "cuda"):
+            terms = loss_terms(state.model, batch.to(device), self.schedule, generator)
+        loss = weighted_sum(terms, config.losses)
+        state.optimizer.zero_grad(set_to_none=True)
+        loss.backward()
+        self.processes.average_gradients(state.model)
+        norm = float(nn.utils.clip_grad_norm_(state.model.parameters(), config.clip))
+        if not math.isfinite(norm):
+            raise SimpickError(
+                f"the loss is not a number any more at step {state.step}; what was saved last is kept. "
+                "Begin anew with a lower learning_rate"
+            )
+        state.optimizer.step()
+        state.step += 1
+        state.average_in(config.average_decay)
+        for name, value in {**terms, "loss": loss}.items():
+            self.sums[name] = self.sums.get(name, 0.0) + float(value.detach())
+        self.counted += 1
+
+    def _log(self, source: BatchSource) -> None:
+        means = {name: value / self.counted for name, value in self.sums.items()}
+        self.sums, self.counted = {}, 0
+        rate = self.state.step * self.config.batch * self.processes.count / max(self.state.seconds, 1e-9)
+        self._row("train", {**means, "queries_per_s": rate, "waiting_share": source.waiting_share()})
+
+    def _validation(self) -> Validation:
+        data, folder = self.config.data, self.run_folder.shards
+        with ShardStream(folder, data, split="validation", workers=0, ahead=0, keep=True) as stream:
+            shards = [stream.get(index) for index in range(self.config.validation_shards)]
+        return Validation(shards, self.state.model, self.config)
+
+    def _validate(self, validation: Validation) -> None:
+        figures = validation.measure(self.state.average, self.schedule)
+        self._row("validation", figures)
+        card = {"training": json.loads(json.dumps(asdict(self.config))), "validation": figures}
+        card |= {"steps": self.state.step, "queries": self._queries(), "hours": self.state.seconds / 3600}
+        save_checkpoint(self.run_folder.weights, self.state.average, card)
+        self.run_folder.save_state(self.state.save())
+
+    def _row(self, split: str, figures: dict[str, float]) -> None:
+        if self.processes.is_first:
+            row = {"step": self.state.step, "queries": self._queries(), "seconds": round(self.state.seconds, 1)}
+            row |= {"split": split, **figures}
+            self.run_folder.log(row)
+            self.on_row(row, min(1.0, self._progress()))
+
+    def _queries(self) -> int:
+        return self.state.step * self.config.batch * self.processes.count
+
+    def _progress(self) -> float:
+        return self.budget.progress(self.state.step, self.state.seconds)

@@ -1,0 +1,46 @@
+"""One step's loss: noise on the true maps, the network's prediction, the paper's terms."""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from simpick.estimators.raypose import losses
+from simpick.estimators.raypose.matching import MIN_COVERAGE
+from simpick.estimators.raypose.model import RayPose
+from simpick.estimators.raypose.objective import add_noise
+from simpick.estimators.raypose.pose_maps import encode_pose_maps
+from simpick.estimators.raypose.schedule import Schedule
+from simpick.training.batches import TrainingBatch
+
+
+def loss_terms(
+    model: RayPose, batch: TrainingBatch, schedule: Schedule, generator: torch.Generator
+) -> dict[str, Float[Tensor, ""]]:
+    """Return the terms of the loss by the names of `LossWeights`; noise comes from `generator`, on the CPU."""
+    config = model.config
+    conditioning = model.condition(model.encode_query(batch.query), model.fuse(model.encode_templates(batch.templates)))
+    target = encode_pose_maps(batch.truth, conditioning.reference, config.map_cells, config.padding)
+    steps = torch.randint(len(schedule), (len(batch),), generator=generator)
+    log_snr = schedule.log_snrs[steps].to(target.device)
+    noise = torch.randn(target.shape, generator=generator).to(target.device)
+    predicted = model.denoise(add_noise(target, noise, log_snr), log_snr, conditioning).float()
+    terms = losses.pose_map_losses(predicted, target, batch.truth, conditioning.reference, config.padding)
+    if conditioning.matches is not None:
+        terms["matching"] = _matching(model, batch, conditioning.matches.log_probabilities.float())
+    return terms
+
+
+def _matching(
+    model: RayPose, batch: TrainingBatch, log_probabilities: Float[Tensor, "groups query_cells template_cells"]
+) -> Float[Tensor, ""]:
+    points, covered = batch.templates.points, batch.templates.coverage >= MIN_COVERAGE
+    query_points, seen = batch.points, batch.seen
+    if model.config.multiview:
+        points, covered = points.flatten(1, 2), covered.flatten(1, 2)
+    else:
+        views = points.shape[1]
+        points, covered = points.flatten(0, 1), covered.flatten(0, 1)
+        query_points, seen = query_points.repeat_interleave(views, 0), seen.repeat_interleave(views, 0)
+    return losses.matching(log_probabilities, query_points, seen, points, covered)
