@@ -109,4 +109,5 @@ class PickPolicy:
             return
         assert decision.grasp is not None
         T_world_part = decision.T_world_camera @ decision.target.T_camera_part
-        self._memory.remember(decision.target.part, T_world_part, decision.grasp.T_world_tcp)
+        part = next(part for part in self.parts if part.name == decision.target.part)
+        self._memory.remember(part, T_world_part, decision.grasp.T_world_tcp)

@@ -27,8 +27,6 @@ from simpick.scene import SceneConfig
 class PoseVectorObservation(VectorObservationWrapper):
     """`PoseObservation` for a `BinPickVectorEnv`: the estimator answers the images of all environments at once."""
 
-    env: BinPickVectorEnv
-
     def __init__(self, env: BinPickVectorEnv, perceptions: Sequence[Perception]) -> None:
         """Wrap `env` and onboard its parts; `perceptions` holds one for each environment.
 
