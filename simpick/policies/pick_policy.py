@@ -15,10 +15,13 @@ from simpick.envs.actions import ABSTAIN, encode_action
 from simpick.envs.observations import frame_from_observation
 from simpick.envs.spaces import outcome_from_index
 from simpick.errors import ConfigError
+from simpick.estimators.base import PoseRefiner
+from simpick.geometry import invert
 from simpick.grasping import FailureMemory, WorldGrasp
+from simpick.policies.closer_look import CloserLook
 from simpick.policies.grasp_chooser import GraspChooser
 from simpick.policies.perception import Percept, Perception
-from simpick.records import PickOutcome, PoseEstimate
+from simpick.records import CameraFrame, PickOutcome, PoseEstimate
 from simpick.scene import SceneConfig
 
 
@@ -55,17 +58,22 @@ class PickPolicy:
         config: SceneConfig,
         *,
         chooser: GraspChooser | None = None,
+        look_closer: PoseRefiner | None = None,
     ) -> None:
         """Pick `parts`, in the order of the environment's `part_names`, in the cell that `config` describes.
 
         Onboards the parts: rendering templates and verifying grasps may take seconds for a part that is new to the
-        cache. Policies for the same parts and cell may share one `chooser`.
+        cache. Policies for the same parts and cell may share one `chooser`. With a refiner to `look_closer`,
+        set ``env.on_look = policy.look``: the grasp is corrected by the wrist camera before the descent.
         """
         self.perception = perception
         self.parts = tuple(parts)
         self._chooser = GraspChooser(parts, config) if chooser is None else chooser
         self._memory = FailureMemory()
+        self._closer = None if look_closer is None else CloserLook(look_closer, perception.detector, parts)
         self._decision: Decision | None = None
+        self.closer_view: PoseEstimate | None = None
+        """What the last `look` saw, in the wrist camera; None if it found nothing."""
         perception.onboard(parts)
 
     @property
@@ -101,6 +109,27 @@ class PickPolicy:
             return ABSTAIN
         self._decision = Decision(percept, T_world_camera, grasp, None, plan_s)
         return encode_action(grasp.T_world_tcp, grasp.opening_m, self._chooser.workspace)
+
+    def look(self, frame: CameraFrame, T_world_tcp: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "4 4"] | None:
+        """Return the TCP pose of the last decision corrected by an image from the wrist; None if nothing is found.
+
+        `closer_view` tells what was seen.
+
+        Raises:
+            ConfigError: the policy was made without a refiner to look closer.
+        """
+        if self._closer is None:
+            raise ConfigError("look needs a policy with a refiner: PickPolicy(..., look_closer=refiner)")
+        self.closer_view = None
+        target = self.decision.target
+        if target is None:
+            return None
+        T_world_part = self.decision.T_world_camera @ target.T_camera_part
+        self.closer_view = self._closer.refined(frame, target.part, T_world_part)
+        if self.closer_view is None:
+            return None
+        T_world_refined = frame.T_world_camera @ self.closer_view.T_camera_part
+        return T_world_refined @ invert(T_world_part) @ T_world_tcp
 
     def _learn(self, outcome: PickOutcome | None) -> None:
         """Remember the last attempt if it failed."""
