@@ -54,7 +54,7 @@ class BinEnv(gymnasium.Env):
             )
         self.render_mode = render_mode
         self.timings_s: dict[str, float] = {}
-        """Wall-clock seconds of the last reset or step: ``simulate`` and ``render``."""
+        """Wall-clock seconds of the last reset or step: ``simulate``, ``render`` and, in picks, ``look`` (closer)."""
         self.on_tick: Callable[[Scene], None] | None = None
         """Called with the scene after every control period (10 ms) while the arm moves; for recording."""
         self._scene: Scene | None = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -16,7 +16,7 @@ from simpick.envs.observations import observation_from_frame
 from simpick.envs.spaces import action_space, observation_space
 from simpick.errors import ConfigError
 from simpick.motion import PickExecutor, PickResult
-from simpick.records import PickOutcome, PickRecord
+from simpick.records import CameraFrame, PickOutcome, PickRecord
 from simpick.scene import SceneConfig
 from simpick.scene.workspace import tcp_workspace
 
@@ -89,6 +89,9 @@ class BinPickEnv(BinEnv, EzPickle):
         """Where actions may place the TCP."""
         self.on_stage: Any = None
         """Called with a stage's name as the arm enters it; for recording."""
+        self.on_look: Callable[[CameraFrame, np.ndarray], np.ndarray | None] | None = None
+        """Asked with the wrist camera's image and the T_world_tcp aimed at, when the arm stands over the bin before it
+        descends. Returns a corrected T_world_tcp, or None to keep it; what is far off or out of reach is not taken."""
         self._max_consecutive_failures = max_consecutive_failures
         self._max_picks = max_picks
 
@@ -115,8 +118,10 @@ class BinPickEnv(BinEnv, EzPickle):
         """Attempt the pick that `action` commands and look again."""
         start = time.perf_counter()
         command = decode_action(action, self.workspace)
+        self._look_s = 0.0
+        self._executor.on_look = None if self.on_look is None else self._look
         result = ABSTAINED if command is None else self._executor.execute(*command)
-        self.timings_s = {"simulate": time.perf_counter() - start}
+        self.timings_s = {"simulate": time.perf_counter() - start - self._look_s, "look": self._look_s}
         delivered = len(result.delivered)
         self._failures = 0 if delivered else self._failures + 1
         self._last_outcome = result.outcome
@@ -128,6 +133,13 @@ class BinPickEnv(BinEnv, EzPickle):
         truncated = not ended and self._max_picks is not None and self._picks >= self._max_picks
         info = self._info() | {"pick": pick, "ended": "max_picks" if truncated else ended}
         return self._observe(), float(reward), bool(ended), truncated, info
+
+    def _look(self, T_world_tcp: np.ndarray) -> np.ndarray | None:
+        assert self.on_look is not None
+        start = time.perf_counter()
+        corrected = self.on_look(self.capture("wrist"), T_world_tcp)
+        self._look_s = time.perf_counter() - start
+        return corrected
 
     def _stage(self, name: str) -> None:
         if self.on_stage is not None:

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from simpick.assets.part import Part
 from simpick.errors import ConfigError
 from simpick.geometry import invert, so3_exp
-from simpick.records import CameraFrame, Detection, InstanceTruth, PoseEstimate
+from simpick.records import CameraFrame, Detection, InstanceTruth, PoseEstimate, PoseHypothesis
 
 MEDIAN_OF_CHI3 = 1.5381722544550522
 """Median of the norm of a standard normal vector in three dimensions (Maxwell distribution)."""
@@ -85,3 +85,28 @@ class OracleEstimator:
             poses.append((detection, T_camera_part))
         elapsed_s = (time.perf_counter() - start) / max(len(poses), 1)
         return [PoseEstimate(d.part, T, d.score, "oracle", elapsed_s, detection=d) for d, T in poses]
+
+
+class OracleRefiner:
+    """Returns true poses with `noise` added, whatever it starts from: what no refiner can beat. A `PoseRefiner`."""
+
+    def __init__(
+        self,
+        truth: Callable[[], Sequence[InstanceTruth]],
+        noise: PoseNoise | None = None,
+        rng: np.random.Generator | None = None,
+    ) -> None:
+        """Take what `OracleEstimator` takes."""
+        self._oracle = OracleEstimator(truth, noise, rng)
+
+    def onboard(self, part: Part) -> None:
+        """Do nothing: the truth needs no templates."""
+
+    def refine(
+        self, frame: CameraFrame, detections: Sequence[Detection], hypotheses: Sequence[Sequence[PoseHypothesis]]
+    ) -> list[tuple[PoseHypothesis, ...]]:
+        """Return the true pose of each detection that names its instance, nothing for others."""
+        found = {
+            id(e.detection): PoseHypothesis(e.T_camera_part, 1.0) for e in self._oracle.estimate(frame, detections)
+        }
+        return [(found[id(d)],) if id(d) in found else () for d in detections]

@@ -6,7 +6,7 @@ that the command line prints the text without a traceback, while programs catch 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 
 
@@ -71,3 +71,18 @@ class DatasetError(SimpickError, ValueError):
 
 class CheckpointError(SimpickError, ValueError):
     """Weights are missing, damaged, foreign, of another version or of another network; the message says which."""
+
+
+class WorkerDiedError(SimpickError, RuntimeError):
+    """The process of one or more environments of a vector environment ended unasked."""
+
+    def __init__(self, exit_codes: Mapping[int, int], hint: str = "") -> None:
+        """Name the environments with their processes' exit codes; negative ones are signals."""
+        ended = ", ".join(f"environment {k} with exit code {code}" for k, code in exit_codes.items())
+        killed = " A negative code is a signal: -9 means killed, perhaps because memory ran out." * any(
+            code < 0 for code in exit_codes.values()
+        )
+        super().__init__(
+            f"worker processes ended unasked: {ended or 'unknown'}.{killed} The vector environment is closed; make a "
+            f"new one, with fewer environments if memory is short.{' ' + hint if hint else ''}"
+        )

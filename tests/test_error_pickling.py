@@ -2,7 +2,7 @@
 
 import pickle
 
-from simpick.errors import ConfigError, SimpickError, UnknownNameError, UnknownPartError
+from simpick.errors import ConfigError, SimpickError, UnknownNameError, UnknownPartError, WorkerDiedError
 
 
 def test_errors_survive_pickling() -> None:
@@ -10,6 +10,7 @@ def test_errors_survive_pickling() -> None:
         ConfigError("count must be 1, got 0"),
         UnknownNameError("robot", "kuka", ["ur5e"]),
         UnknownPartError("hexbolt", ["hex_bolt", "tee"]),
+        WorkerDiedError({1: -9}),
     ]
     for error in errors:
         again = pickle.loads(pickle.dumps(error))

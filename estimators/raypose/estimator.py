@@ -82,7 +82,9 @@ class RayPoseEstimator:
         self.config = config or RayPoseEstimatorConfig()
         self.model, self.start = model.eval(), start
         if model.config.is_fine and start is None:
-            raise ConfigError("a fine network refines: give it an estimator to start from, such as RetrievalEstimator()")
+            raise ConfigError(
+                "a fine network refines: give it an estimator to start from, such as RetrievalEstimator()"
+            )
         self.mode = mode or ("fine" if model.config.is_fine else "coarse")
         self._schedule = make_schedule()
         self._banks: dict[str, tuple[str, TemplateBank]] = {}
@@ -145,9 +147,7 @@ class RayPoseEstimator:
                 answers.update(zip(rows, self._answer(part, queries, rows, crops.cameras, chosen), strict=True))
         elapsed_s = (time.perf_counter() - begin) / len(kept)
         return [
-            PoseEstimate(
-                d.part, best[0].T_camera_part, best[0].score, self.mode, elapsed_s, tuple(best), detection=d
-            )
+            PoseEstimate(d.part, best[0].T_camera_part, best[0].score, self.mode, elapsed_s, tuple(best), detection=d)
             for d, best in ((d, answers[i]) for i, d in enumerate(kept))
         ]
 
@@ -272,7 +272,6 @@ def _repeated(templates: TemplateTokens, count: int) -> TemplateTokens:
 
     poses = ViewPoses(*(expand(x) for x in (templates.poses.R, templates.poses.centre, templates.poses.reach_m)))
     tensors = {
-        name: expand(getattr(templates, name))
-        for name in ("tokens", "descriptors", "points", "coverage", "diameter_m")
+        name: expand(getattr(templates, name)) for name in ("tokens", "descriptors", "points", "coverage", "diameter_m")
     }
     return dataclasses.replace(templates, poses=poses, **tensors)

@@ -1,4 +1,4 @@
-"""`TemplateBank`: a part's templates as the network keeps them: each view and turn is encoded once, when first needed."""
+"""`TemplateBank`: a part's templates as the network keeps them, each encoded once, when first needed."""
 
 from __future__ import annotations
 
@@ -64,9 +64,7 @@ class TemplateBank:
         chosen = [choose_around(self.Rs_view_part, T[:3, :3], config.templates, TURNS) for T in Ts_crop_part]
         keys = [[(int(v), int(t)) for v, t in zip(views, turns, strict=True)] for views, turns in chosen]
         self._encoded([key for own in keys for key in own])
-        sets = [
-            self._posed([self._slots[key] for key in own], T) for own, T in zip(keys, Ts_crop_part, strict=True)
-        ]
+        sets = [self._posed([self._slots[key] for key in own], T) for own, T in zip(keys, Ts_crop_part, strict=True)]
         return self._model.fuse(_stack(sets, self._diameter_m))
 
     def _encoded(self, keys: list[tuple[int, int]]) -> list[_Slot]:

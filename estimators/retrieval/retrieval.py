@@ -8,14 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from simpick.assets.part import Part
 from simpick.errors import ConfigError, UnknownNameError
+from simpick.estimators.answerable import answerable
 from simpick.estimators.retrieval.descriptors import CROP_PX, describe, luminance
 from simpick.estimators.retrieval.template_index import Matches, TemplateIndex, load_index
 from simpick.estimators.retrieval.turned_crops import PADDING
-from simpick.geometry import VirtualCameras, box_of_mask, crop_images, transform
+from simpick.geometry import CropBatch, crop_images, transform
 from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
 from simpick.rendering import TemplateConfig
 
@@ -86,33 +87,50 @@ class RetrievalEstimator:
             UnknownNameError: a detection's part has not been onboarded.
             ConfigError: a mask has another size than the image.
         """
+        return self.estimate_batch([frame], [detections])[0]
+
+    def estimate_batch(
+        self, frames: Sequence[CameraFrame], detections: Sequence[Sequence[Detection]]
+    ) -> list[list[PoseEstimate]]:
+        """Return what `estimate` returns for each frame; the crops of all are described and searched together."""
         start = time.perf_counter()
-        for detection in detections:
+        for detection in (d for found in detections for d in found):
             if detection.part not in self._indices:
                 raise UnknownNameError(
                     "onboarded part", detection.part, self._indices, "Call onboard(part) before estimate()."
                 )
-        answered = [(d, *_mask_and_box(d, frame)) for d in detections]
-        answered = [(d, mask, box) for d, mask, box in answered if self._can_answer(mask, box)]
-        if not answered:
-            return []
-        kept, masks, boxes = (list(column) for column in zip(*answered, strict=True))
-        crops = crop_images(frame.rgb, frame.camera, np.stack(boxes), CROP_PX, masks=masks, padding=PADDING)
-        assert crops.masks is not None
+        cropped = [self._crop(frame, found) for frame, found in zip(frames, detections, strict=True)]
+        kept = [(k, d) for k, (found, _) in enumerate(cropped) for d in found]
+        estimates: list[list[PoseEstimate]] = [[] for _ in frames]
+        if not kept:
+            return estimates
+        crops = [crop for _, crop in cropped if crop is not None]
+        images = torch.from_numpy(np.concatenate([crop.rgb for crop in crops]))
+        masks = torch.from_numpy(np.concatenate([crop.masks for crop in crops if crop.masks is not None]))
         with torch.inference_mode():
-            queries = describe(luminance(torch.from_numpy(crops.rgb)), torch.from_numpy(crops.masks))
-        found: dict[int, tuple[PoseHypothesis, ...]] = {}
-        for part in dict.fromkeys(d.part for d in kept):
-            rows = [i for i, d in enumerate(kept) if d.part == part]
+            queries = describe(luminance(images), masks)
+        focal_px = np.concatenate([crop.cameras.focal_px for crop in crops])
+        Rs_crop_camera = np.concatenate([crop.cameras.Rs_crop_camera for crop in crops])
+        found_poses: dict[int, tuple[PoseHypothesis, ...]] = {}
+        for part in dict.fromkeys(d.part for _, d in kept):
+            rows = [i for i, (_, d) in enumerate(kept) if d.part == part]
             matches = self._search(part, queries[rows])
-            found.update(zip(rows, _hypotheses(matches, crops.cameras, rows), strict=True))
+            found_poses.update(zip(rows, _hypotheses(matches, focal_px[rows], Rs_crop_camera[rows]), strict=True))
         elapsed_s = (time.perf_counter() - start) / len(kept)
-        return [
-            PoseEstimate(
-                d.part, found[i][0].T_camera_part, found[i][0].score, self.mode, elapsed_s, found[i], detection=d
+        for i, (k, d) in enumerate(kept):
+            best = found_poses[i][0]
+            estimates[k].append(
+                PoseEstimate(d.part, best.T_camera_part, best.score, self.mode, elapsed_s, found_poses[i], detection=d)
             )
-            for i, d in enumerate(kept)
-        ]
+        return estimates
+
+    def _crop(self, frame: CameraFrame, detections: Sequence[Detection]) -> tuple[list[Detection], CropBatch | None]:
+        """Return the detections that can be answered, and their crops; None if there are none."""
+        answered = answerable(detections, frame, self.config.min_mask_px)
+        if not answered:
+            return [], None
+        kept, masks, boxes = (list(column) for column in zip(*answered, strict=True))
+        return kept, crop_images(frame.rgb, frame.camera, np.stack(boxes), CROP_PX, masks=masks, padding=PADDING)
 
     def _search(self, part: str, queries: torch.Tensor) -> Matches:
         config = self.config
@@ -124,39 +142,15 @@ class RetrievalEstimator:
             softness=config.softness,
         )
 
-    def _can_answer(self, mask: Bool[np.ndarray, "height width"] | None, box: Float[np.ndarray, "4"]) -> bool:
-        if mask is None or np.count_nonzero(mask) < self.config.min_mask_px:
-            return False
-        # A line of pixels has no shape, and no crop.
-        return bool((box[2:] - box[:2] >= 2).all())
 
-
-def _mask_and_box(
-    detection: Detection, frame: CameraFrame
-) -> tuple[Bool[np.ndarray, "height width"] | None, Float[np.ndarray, "4"]]:
-    """Return a detection's mask, None if it has nothing in the image, and the box around the mask."""
-    height, width = frame.rgb.shape[:2]
-    mask = detection.mask
-    if mask is None:
-        mask = np.zeros((height, width), bool)
-        box = np.asarray(detection.box_xyxy_px, float)
-        if not np.isfinite(box).all():
-            return None, box
-        x1, y1, x2, y2 = np.clip(np.rint(box), 0, [width, height, width, height]).astype(int)
-        mask[y1:y2, x1:x2] = True
-    elif mask.shape != (height, width):
-        raise ConfigError(
-            f"mask must have the image's size {width} x {height} px, got {mask.shape[1]} x {mask.shape[0]}"
-        )
-    return (mask if mask.any() else None), box_of_mask(mask)
-
-
-def _hypotheses(matches: Matches, cameras: VirtualCameras, rows: Sequence[int]) -> list[tuple[PoseHypothesis, ...]]:
-    """Return the matches as poses in the image's own camera."""
+def _hypotheses(
+    matches: Matches, focal_px: Float[np.ndarray, "n"], Rs_crop_camera: Float[np.ndarray, "n 3 3"]
+) -> list[tuple[PoseHypothesis, ...]]:
+    """Return the matches as poses in the images' own cameras."""
     translations = matches.centres.copy()
-    translations[..., 2] *= cameras.focal_px[rows, None]
+    translations[..., 2] *= focal_px[:, None]
     Ts_crop_part = transform(matches.Rs_crop_part, translations)
-    Rs_camera_crop = np.swapaxes(cameras.Rs_crop_camera[rows], 1, 2)
+    Rs_camera_crop = np.swapaxes(Rs_crop_camera, 1, 2)
     Ts_camera_part = transform(Rs_camera_crop)[:, None] @ Ts_crop_part
     return [
         tuple(PoseHypothesis(T, float(score)) for T, score in zip(Ts, scores, strict=True))

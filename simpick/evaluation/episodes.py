@@ -15,6 +15,7 @@ from simpick.assets.library import get_part, library_part_names
 from simpick.assets.part import Part
 from simpick.envs.bin_pick import BinPickEnv
 from simpick.envs.observations import frame_from_observation
+from simpick.estimators.oracle import OracleRefiner
 from simpick.evaluation.models import EvaluationModel
 from simpick.evaluation.perceptions import make_perception
 from simpick.evaluation.pose_errors import pose_error
@@ -24,7 +25,7 @@ from simpick.geometry import invert
 from simpick.policies import PickPolicy
 from simpick.policies.pick_policy import Decision
 from simpick.recording.base import NullRecorder, Recorder
-from simpick.records import InstanceTruth, PickOutcome, PickRecord
+from simpick.records import CameraFrame, InstanceTruth, PickOutcome, PickRecord
 from simpick.scene import BinConfig, SceneConfig
 
 
@@ -78,7 +79,8 @@ def run_identity(config: RunConfig) -> dict[str, Any]:
 def make_policy(config: RunConfig, env: BinPickEnv, seed: int) -> PickPolicy:
     """Return the policy that a configuration asks for; what is random in its perception follows from `seed`."""
     perception = make_perception(config, env, np.random.default_rng([seed, 1]))
-    return PickPolicy(perception, env.parts, env.scene_config)
+    refiner = OracleRefiner(env.truth) if config.look_closer else None
+    return PickPolicy(perception, env.parts, env.scene_config, look_closer=refiner)
 
 
 def run_episode(
@@ -99,7 +101,7 @@ def run_episode(
     try:
         return _run_episode(config, episode, env, recorder, on_pick or (lambda pick: None))
     finally:
-        env.on_tick = env.on_stage = None
+        env.on_tick = env.on_stage = env.on_look = None
         if own_env:
             env.close()
 
@@ -121,6 +123,8 @@ def _run_episode(
     )
     env.on_tick = lambda scene: recorder.tick(scene.data)
     env.on_stage = recorder.stage
+    if config.look_closer:
+        env.on_look = lambda frame, T_world_tcp: _look(policy, recorder, frame, T_world_tcp)
     picks: list[PickRecord] = []
     ended = "cleared" if info["is_success"] else ""
     while not ended:
@@ -139,7 +143,9 @@ def _run_episode(
         ended = info["ended"]
         pick = complete_record(info["pick"], decision, truth, frame.T_world_camera, env)
         waited_s = {"render": render_s, **decision.percept.timings_s, "plan": decision.plan_s}
-        pick = dataclasses.replace(pick, timings_s={**waited_s, "simulate": env.timings_s["simulate"]})
+        pick = dataclasses.replace(
+            pick, timings_s={**waited_s, "look": env.timings_s["look"], "simulate": env.timings_s["simulate"]}
+        )
         recorder.end_pick(pick)
         on_pick(pick)
         picks.append(pick)
@@ -148,6 +154,19 @@ def _run_episode(
     result = EpisodeResult(episode, seed, instances, tuple(picks), ended, timings_s)
     recorder.end_episode(result.summary())
     return result
+
+
+def _look(policy: PickPolicy, recorder: Recorder, frame: CameraFrame, T_world_tcp: np.ndarray) -> np.ndarray | None:
+    """Look closer, and record what was seen."""
+    corrected = policy.look(frame, T_world_tcp)
+    view = policy.closer_view
+    recorder.frame("wrist", frame)
+    recorder.detections("wrist", [] if view is None or view.detection is None else [view.detection])
+    if view is not None:
+        recorder.estimates(frame.T_world_camera, [view])
+    if corrected is not None:
+        recorder.grasp(corrected)
+    return corrected
 
 
 def complete_record(

@@ -11,7 +11,7 @@ import numpy as np
 from simpick.evaluation.result_store import EpisodeResult
 from simpick.records import PickOutcome, PickRecord
 
-PERCEPTION_STAGES = ("render", "detect", "estimate", "plan")
+PERCEPTION_STAGES = ("render", "detect", "estimate", "plan", "look")
 """Wall-clock stages that a robot would wait for, charged in MPPH beside the motion."""
 ABSTENTIONS = (PickOutcome.NOTHING_DETECTED, PickOutcome.NO_GRASP)
 """Outcomes of a look at the bin after which the arm stayed at home."""
@@ -39,7 +39,7 @@ class GraspScores:
     motion_s: float
     """Mean simulated time of an attempt."""
     perception_s: float
-    """Mean wall-clock time of rendering, detecting, estimating and planning, for each look at the bin."""
+    """Mean wall-clock time of rendering, detecting, estimating, planning and looking closer, for each pick."""
     outcomes: dict[str, int]
     """How many looks at the bin ended in each outcome, most frequent first."""
     rotation_deg: float

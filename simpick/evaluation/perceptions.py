@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import lru_cache
+from collections.abc import Callable, Sequence
+from functools import lru_cache, partial
 from importlib.metadata import entry_points
 
 import numpy as np
 
 from simpick.envs.bin_pick import BinPickEnv
+from simpick.envs.bin_pick_vector import BinPickVectorEnv
 from simpick.errors import ConfigError, UnknownNameError
 from simpick.estimators.base import PoseEstimator
 from simpick.estimators.oracle import OracleEstimator, PoseNoise
 from simpick.estimators.segmentation_detector import SegmentationDetector
 from simpick.evaluation.run_config import RunConfig
 from simpick.policies import Perception
+from simpick.records import InstanceTruth
 
 ENTRY_POINT_GROUP = "simpick.estimators"
 """Where another package registers its estimator: a callable without arguments that returns a `PoseEstimator`."""
@@ -59,11 +61,33 @@ def make_estimator(name: str, hypotheses: int | None = None) -> PoseEstimator:
 
 def make_perception(config: RunConfig, env: BinPickEnv, rng: np.random.Generator) -> Perception:
     """Return the perception that a configuration asks for; the oracle takes its truth from `env`."""
+    return _perception(config, env.instance_part_names, env.truth, rng)
+
+
+def make_vector_perceptions(
+    config: RunConfig, envs: BinPickVectorEnv, rngs: Sequence[np.random.Generator]
+) -> list[Perception]:
+    """Return a perception for each environment, what is random in it from its own `rngs`.
+
+    Shipped estimators that work from images alone are one and the same in all of them, so that they answer in a batch.
+    """
+    return [
+        _perception(config, partial(envs.instance_part_names, k), partial(envs.truth, k), rng)
+        for k, rng in enumerate(rngs)
+    ]
+
+
+def _perception(
+    config: RunConfig,
+    instance_parts: Callable[[], Sequence[str]],
+    truth: Callable[[], Sequence[InstanceTruth]],
+    rng: np.random.Generator,
+) -> Perception:
     detector_rng, noise_rng = rng.spawn(2)
-    detector = SegmentationDetector(config.detections, detector_rng, instance_parts=env.instance_part_names)
+    detector = SegmentationDetector(config.detections, detector_rng, instance_parts=instance_parts)
     if config.perception == "oracle":
         noise = PoseNoise(config.noise_deg, config.noise_mm)
-        return Perception("oracle", detector, OracleEstimator(env.truth, noise, noise_rng))
+        return Perception("oracle", detector, OracleEstimator(truth, noise, noise_rng))
     shared = config.perception in SHIPPED
     estimator = _shared_estimator(config.perception) if shared else make_estimator(config.perception)
     return Perception(config.perception, detector, estimator)

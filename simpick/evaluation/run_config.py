@@ -36,6 +36,9 @@ class RunConfig:
     """Oracle only: median rotation error added to the true poses, in degrees."""
     noise_mm: float = 0.0
     """Oracle only: median translation error added to the true poses, in millimetres."""
+    look_closer: bool = False
+    """Oracle only: look again through the wrist camera before descending, and correct the grasp by the true pose: what
+    an ideal refiner would give."""
     detections: Literal["perfect", "realistic"] = "perfect"
     """How well parts are segmented in the image before their poses are estimated."""
     randomization: str = "default"
@@ -57,6 +60,9 @@ class RunConfig:
             raise ConfigError(f"max_consecutive_failures must be 1 or more, got {self.max_consecutive_failures}")
         if self.perception != "oracle" and (self.noise_deg or self.noise_mm):
             raise ConfigError(f"noise_deg and noise_mm are for perception 'oracle', got perception {self.perception!r}")
+
+        if self.perception != "oracle" and self.look_closer:
+            raise ConfigError(f"look_closer is for perception 'oracle', got perception {self.perception!r}")
 
     def to_json(self) -> dict[str, Any]:
         """Return a JSON object that names the run."""

@@ -157,7 +157,7 @@ class GraspPlanner:
         descent = -Ts_world_tcp[:, 2, 2]
         scores = weight * np.array([g.quality for g in grasps]) * np.clip(descent, 0, 1) ** 2
         if memory is not None:
-            scores = scores * memory.factors(part.name, T_world_part, Ts_world_tcp)
+            scores = scores * memory.factors(part, T_world_part, Ts_world_tcp)
         usable = np.flatnonzero(descent > np.cos(np.radians(config.largest_tilt_deg)))
         order = usable[np.argsort(-scores[usable], kind="stable")][: config.tries_per_target]
         near = others[np.linalg.norm(others - T_world_part[:3, 3], axis=-1) < 0.3]

@@ -42,6 +42,10 @@ class MotionConfig:
     """A blocked approach that came this close to its goal grips all the same."""
     stall_rad: float = 0.04
     """A joint that lags its command by more than this is stalled."""
+    look_limit_m: float = 0.04
+    """A second look may move the grasp by this much at most, else the first stands."""
+    look_limit_rad: float = np.deg2rad(40.0)
+    """A second look may turn the grasp by this much at most, else the first stands."""
     suction_search_m: float = 0.008
     """How far beyond the commanded pose the suction head looks for the surface."""
     settle_s: float = 1.5

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from simpick.errors import ConfigError, SimulationFaultError
+from simpick.geometry import rotation_angle
 from simpick.motion.config import MotionConfig
 from simpick.motion.monitor import Monitor, Obstruction
 from simpick.motion.planner import NoPlan, PickPlan, PickPlanner
@@ -53,6 +54,10 @@ class PickExecutor:
         self.config = config or MotionConfig()
         self.on_step = on_step
         self.on_stage = on_stage
+        self.on_look: Callable[[Float[np.ndarray, "4 4"]], Float[np.ndarray, "4 4"] | None] | None = None
+        """Asked over the bin, before the descent, with the TCP pose that is aimed at; a pose in answer is aimed at
+        instead if it is near and can be reached. The arm rests there in any case, and the wrist camera sees the part
+        whole between the fingers; lower down the gripper begins to hide it."""
         self.planner = PickPlanner(scene.config, self.config)
         self._gripper = scene.gripper
         model = scene.model
@@ -121,6 +126,9 @@ class PickExecutor:
         self._stage("approach")
         blocked = self._run(self.planner.segment(self._q, home)) if np.abs(self._q - home).max() > 1e-3 else None
         blocked = blocked or self._run(plan.approach)
+        if blocked is None and self.on_look is not None:
+            self._stage("look")
+            plan = self._looked_again(plan, opening_m)
         if blocked is None:
             self._stage("descend")
             blocked = self._run(plan.descent)
@@ -136,6 +144,28 @@ class PickExecutor:
             self._deliver()
         else:
             self._return_empty(opening_m)
+
+    def _looked_again(self, plan: PickPlan, opening_m: float) -> PickPlan:
+        """Return the plan to the corrected grasp, with the arm moved over it; the old one where that does not do."""
+        assert self.on_look is not None
+        T_world_tcp = self.on_look(plan.T_world_grasp.copy())
+        if T_world_tcp is None or not self._near_enough(plan.T_world_grasp, T_world_tcp):
+            return plan
+        corrected = self.planner.plan(T_world_tcp, opening_m)
+        if isinstance(corrected, NoPlan):
+            return plan
+        q_above, _ = corrected.descent.state(0.0)
+        if self.planner.collision.path_contact(np.stack([self._q, q_above])) is not None:
+            return plan
+        if np.abs(self._q - q_above).max() > 1e-6 and self._run(self.planner.segment(self._q, q_above)) is not None:
+            return plan
+        return corrected
+
+    def _near_enough(self, T_world_old: Float[np.ndarray, "4 4"], T_world_new: Float[np.ndarray, "4 4"]) -> bool:
+        """Return whether a correction stays within the limits of the configuration."""
+        moved_m = float(np.linalg.norm(T_world_new[:3, 3] - T_world_old[:3, 3]))
+        turned_rad = float(rotation_angle(T_world_old[:3, :3].T @ T_world_new[:3, :3]))
+        return bool(moved_m <= self.config.look_limit_m and turned_rad <= self.config.look_limit_rad)
 
     def _deliver(self) -> None:
         evidence = self._evidence

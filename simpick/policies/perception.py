@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from simpick.assets.part import Part
-from simpick.estimators.base import Detector, PoseEstimator
+from simpick.estimators.base import Detector, PoseEstimator, estimate_frames
 from simpick.records import CameraFrame, Detection, PoseEstimate
 
 
@@ -36,9 +36,33 @@ class Perception:
 
     def perceive(self, frame: CameraFrame, parts: Sequence[Part]) -> Percept:
         """Detect these parts in the frame and estimate their poses, all in one batch."""
+        return perceive_together([self], [frame], parts)[0]
+
+
+def perceive_together(
+    perceptions: Sequence[Perception], frames: Sequence[CameraFrame], parts: Sequence[Part]
+) -> list[Percept]:
+    """Return what each perception makes of its own frame; those that share an estimator ask it once, for all.
+
+    Each bin has a perception of its own, for detectors and oracles know their bin; estimators that work from images
+    alone are shared. The time of a batch is split evenly among its frames.
+    """
+    start = time.perf_counter()
+    detections, detect_s = [], []
+    for perception, frame in zip(perceptions, frames, strict=True):
+        detections.append(perception.detector.detect(frame, parts))
+        detect_s.append(time.perf_counter() - start)
         start = time.perf_counter()
-        detections = self.detector.detect(frame, parts)
-        detected = time.perf_counter()
-        estimates = self.estimator.estimate(frame, detections)
-        timings_s = {"detect": detected - start, "estimate": time.perf_counter() - detected}
-        return Percept(tuple(detections), tuple(estimates), timings_s)
+    sharing: dict[int, list[int]] = {}
+    for k, perception in enumerate(perceptions):
+        sharing.setdefault(id(perception.estimator), []).append(k)
+    percepts: dict[int, Percept] = {}
+    for rows in sharing.values():
+        start = time.perf_counter()
+        estimator = perceptions[rows[0]].estimator
+        found = estimate_frames(estimator, [frames[k] for k in rows], [detections[k] for k in rows])
+        estimate_s = (time.perf_counter() - start) / len(rows)
+        for k, estimates in zip(rows, found, strict=True):
+            timings_s = {"detect": detect_s[k], "estimate": estimate_s}
+            percepts[k] = Percept(tuple(detections[k]), tuple(estimates), timings_s)
+    return [percepts[k] for k in range(len(frames))]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, cast
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -15,15 +15,14 @@ from simpick.envs.actions import ABSTAIN, encode_action
 from simpick.envs.observations import frame_from_observation
 from simpick.envs.spaces import outcome_from_index
 from simpick.errors import ConfigError
-from simpick.grasping import FailureMemory, GraspPlanner, WorldGrasp
-from simpick.motion import MotionConfig, NoPlan, PickPlanner
+from simpick.estimators.base import PoseRefiner
+from simpick.geometry import invert
+from simpick.grasping import FailureMemory, WorldGrasp
+from simpick.policies.closer_look import CloserLook
+from simpick.policies.grasp_chooser import GraspChooser
 from simpick.policies.perception import Percept, Perception
-from simpick.records import PickOutcome, PoseEstimate
+from simpick.records import CameraFrame, PickOutcome, PoseEstimate
 from simpick.scene import SceneConfig
-from simpick.scene.workspace import tcp_workspace
-
-MAX_REACH_CHECKS = 40
-"""The arm is asked for its way to so many of the best grasps before the policy abstains."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +30,8 @@ class Decision:
     """What the policy saw and chose for one pick: for recording and evaluation."""
 
     percept: Percept
+    T_world_camera: Float[np.ndarray, "4 4"]
+    """Of the camera that the percept's poses are given in."""
     grasp: WorldGrasp | None
     """None if the policy abstained."""
     abstained: PickOutcome | None
@@ -50,23 +51,30 @@ class PickPolicy:
     The same object plays many episodes; call `reset` between them. `decision` tells what the last `act` was based on.
     """
 
-    def __init__(self, perception: Perception, parts: Sequence[Part], config: SceneConfig) -> None:
+    def __init__(
+        self,
+        perception: Perception,
+        parts: Sequence[Part],
+        config: SceneConfig,
+        *,
+        chooser: GraspChooser | None = None,
+        look_closer: PoseRefiner | None = None,
+    ) -> None:
         """Pick `parts`, in the order of the environment's `part_names`, in the cell that `config` describes.
 
         Onboards the parts: rendering templates and verifying grasps may take seconds for a part that is new to the
-        cache.
+        cache. Policies for the same parts and cell may share one `chooser`. With a refiner to `look_closer`,
+        set ``env.on_look = policy.look``: the grasp is corrected by the wrist camera before the descent.
         """
         self.perception = perception
         self.parts = tuple(parts)
-        self._part_of = {part.name: part for part in parts}
-        self._workspace = tcp_workspace(config.bin)
-        self._motion = PickPlanner(config, MotionConfig())
-        self._planner = GraspPlanner(cast("Literal['jaw', 'suction']", config.gripper), config.bin)
+        self._chooser = GraspChooser(parts, config) if chooser is None else chooser
         self._memory = FailureMemory()
+        self._closer = None if look_closer is None else CloserLook(look_closer, perception.detector, parts)
         self._decision: Decision | None = None
+        self.closer_view: PoseEstimate | None = None
+        """What the last `look` saw, in the wrist camera; None if it found nothing."""
         perception.onboard(parts)
-        for part in parts:
-            self._planner.prepare(part)
 
     @property
     def decision(self) -> Decision:
@@ -86,35 +94,49 @@ class PickPolicy:
 
     def act(self, observation: dict[str, Any]) -> np.ndarray:
         """Return the action of the best grasp; `ABSTAIN` where nothing is seen or no grasp passes."""
+        return self.decide(observation, self.perception.perceive(frame_from_observation(observation), self.parts))
+
+    def decide(self, observation: dict[str, Any], percept: Percept) -> np.ndarray:
+        """Return the action for an observation whose percept is known: what `act` does after looking."""
         self._learn(outcome_from_index(int(observation["last_outcome"])))
-        percept = self.perception.perceive(frame_from_observation(observation), self.parts)
         start = time.perf_counter()
-        grasp = self._choose(percept.estimates, observation["T_world_camera"])
+        T_world_camera = observation["T_world_camera"]
+        grasp = self._chooser.choose(percept.estimates, T_world_camera, self._memory)
         plan_s = time.perf_counter() - start
         if grasp is None:
             why = PickOutcome.NO_GRASP if percept.detections else PickOutcome.NOTHING_DETECTED
-            self._decision = Decision(percept, None, why, plan_s)
+            self._decision = Decision(percept, T_world_camera, None, why, plan_s)
             return ABSTAIN
-        self._decision = Decision(percept, grasp, None, plan_s)
-        return encode_action(grasp.T_world_tcp, grasp.opening_m, self._workspace)
+        self._decision = Decision(percept, T_world_camera, grasp, None, plan_s)
+        return encode_action(grasp.T_world_tcp, grasp.opening_m, self._chooser.workspace)
 
-    def _choose(self, estimates: Sequence[PoseEstimate], T_world_camera: Float[np.ndarray, "4 4"]) -> WorldGrasp | None:
-        """Return the best grasp that the arm can reach."""
-        parts = [self._part_of[estimate.part] for estimate in estimates]
-        self._Ts_world_part = [T_world_camera @ estimate.T_camera_part for estimate in estimates]
-        scores = [estimate.score for estimate in estimates]
-        grasps = self._planner.plan(parts, self._Ts_world_part, scores=scores, memory=self._memory)
-        return next((grasp for grasp in grasps[:MAX_REACH_CHECKS] if self._reachable(grasp)), None)
+    def look(self, frame: CameraFrame, T_world_tcp: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "4 4"] | None:
+        """Return the TCP pose of the last decision corrected by an image from the wrist; None if nothing is found.
+
+        `closer_view` tells what was seen.
+
+        Raises:
+            ConfigError: the policy was made without a refiner to look closer.
+        """
+        if self._closer is None:
+            raise ConfigError("look needs a policy with a refiner: PickPolicy(..., look_closer=refiner)")
+        self.closer_view = None
+        target = self.decision.target
+        if target is None:
+            return None
+        T_world_part = self.decision.T_world_camera @ target.T_camera_part
+        self.closer_view = self._closer.refined(frame, target.part, T_world_part)
+        if self.closer_view is None:
+            return None
+        T_world_refined = frame.T_world_camera @ self.closer_view.T_camera_part
+        return T_world_refined @ invert(T_world_part) @ T_world_tcp
 
     def _learn(self, outcome: PickOutcome | None) -> None:
         """Remember the last attempt if it failed."""
-        if outcome in (None, PickOutcome.SUCCESS) or self._decision is None or self._decision.target is None:
+        decision = self._decision
+        if outcome in (None, PickOutcome.SUCCESS) or decision is None or decision.target is None:
             return
-        grasp = self._decision.grasp
-        assert grasp is not None
-        T_world_part = self._Ts_world_part[grasp.target]
-        self._memory.remember(self._decision.target.part, T_world_part, grasp.T_world_tcp)
-
-    def _reachable(self, grasp: WorldGrasp) -> bool:
-        inside = bool(self._workspace.contains(grasp.T_world_tcp[None, :3, 3])[0])
-        return inside and not isinstance(self._motion.plan(grasp.T_world_tcp, grasp.opening_m), NoPlan)
+        assert decision.grasp is not None
+        T_world_part = decision.T_world_camera @ decision.target.T_camera_part
+        part = next(part for part in self.parts if part.name == decision.target.part)
+        self._memory.remember(part, T_world_part, decision.grasp.T_world_tcp)

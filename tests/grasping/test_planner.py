@@ -86,7 +86,7 @@ def test_a_part_under_the_floor_offers_nothing(planner: GraspPlanner) -> None:
 def test_a_failed_grasp_is_not_chosen_again(planner: GraspPlanner) -> None:
     memory = FailureMemory()
     first = planner.plan([NUT], [lying()], memory=memory)[0]
-    memory.remember(NUT.name, lying(), first.T_world_tcp)
+    memory.remember(NUT, lying(), first.T_world_tcp)
     second = planner.plan([NUT], [lying()], memory=memory)[0]
     assert np.linalg.norm(second.T_world_tcp - first.T_world_tcp) > 0.01
     assert second.quality < first.quality
@@ -96,19 +96,55 @@ def test_failures_make_another_part_come_first(planner: GraspPlanner) -> None:
     parts, poses = [NUT, NUT], [lying(y_m=-0.1), lying(y_m=0.1)]
     memory = FailureMemory()
     first = planner.plan(parts, poses, memory=memory)[0]
-    memory.remember(NUT.name, poses[first.target], first.T_world_tcp)
+    memory.remember(NUT, poses[first.target], first.T_world_tcp)
     assert planner.plan(parts, poses, memory=memory)[0].target != first.target
 
 
 def test_a_failure_is_forgotten_when_its_part_has_moved_or_the_episode_ends() -> None:
     memory = FailureMemory()
     T_world_tcp = lying()[None]
-    memory.remember("hex_nut", lying(), T_world_tcp[0])
-    assert memory.factors("hex_nut", lying(), T_world_tcp) < 0.1
-    assert memory.factors("hex_nut", lying(x_m=0.52), T_world_tcp) == 1
-    assert memory.factors("bushing", lying(), T_world_tcp) == 1
+    memory.remember(NUT, lying(), T_world_tcp[0])
+    assert memory.factors(NUT, lying(), T_world_tcp) < 0.1
+    assert memory.factors(NUT, lying(x_m=0.52), T_world_tcp) == 1
+    assert memory.factors(get_part("bushing"), lying(), T_world_tcp) == 1
     memory.forget()
-    assert len(memory) == 0 and memory.factors("hex_nut", lying(), T_world_tcp) == 1
+    assert len(memory) == 0 and memory.factors(NUT, lying(), T_world_tcp) == 1
+
+
+@pytest.mark.parametrize("name", ["hex_nut", "z_bracket", "bushing"])
+def test_a_failure_is_remembered_although_looks_differ_and_flip(planner: GraspPlanner, name: str) -> None:
+    part, rng = get_part(name), np.random.default_rng(0)
+    height = part.diameter_m / 2
+    poses = [transform(so3_exp(np.array([0.0, 0.0, 0.4])), np.array([0.5, y, height])) for y in (-0.09, 0.09)]
+    group = part.symmetries.transforms(24)
+    for _ in range(5):
+        memory = FailureMemory()
+
+        def look(T: np.ndarray) -> np.ndarray:
+            turned = T @ group[rng.integers(len(group))]
+            turned[:3, :3] = so3_exp(np.radians(3) * rng.normal(size=3) / 1.5) @ turned[:3, :3]
+            turned[:3, 3] += 0.003 * rng.normal(size=3) / 1.5
+            return turned
+
+        seen = [look(T) for T in poses]
+        first = planner.plan([part, part], seen, memory=memory)[0]
+        memory.remember(part, seen[first.target], first.T_world_tcp)
+        again = planner.plan([part, part], [look(T) for T in poses], memory=memory)[0]
+        assert again.target != first.target
+        # Nothing else is left: the same part again, but held elsewhere.
+        alone = planner.plan([part], [look(poses[first.target])], memory=memory)[0]
+        offset = np.linalg.norm(alone.T_world_tcp[:3, 3] - first.T_world_tcp[:3, 3])
+        turn = np.arccos(np.clip((np.trace(alone.T_world_tcp[:3, :3].T @ first.T_world_tcp[:3, :3]) - 1) / 2, -1, 1))
+        assert offset > 0.008 or np.degrees(min(turn, abs(np.pi - turn))) > 10
+
+
+def test_any_other_part_is_preferred_to_one_that_failed(planner: GraspPlanner) -> None:
+    parts, poses, scores = [NUT, NUT], [lying(y_m=-0.1), lying(y_m=0.1)], [0.95, 0.2]
+    memory = FailureMemory()
+    first = planner.plan(parts, poses, scores=scores, memory=memory)[0]
+    assert first.target == 0
+    memory.remember(NUT, poses[0], first.T_world_tcp)
+    assert planner.plan(parts, poses, scores=scores, memory=memory)[0].target == 1
 
 
 def test_exposure_is_the_uncovered_share() -> None:

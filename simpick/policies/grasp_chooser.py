@@ -1,0 +1,48 @@
+"""`GraspChooser`: the best grasp, among those of all estimated parts, that the arm can reach."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal, cast
+
+import numpy as np
+from jaxtyping import Float
+
+from simpick.assets.part import Part
+from simpick.grasping import FailureMemory, GraspPlanner, WorldGrasp
+from simpick.motion import MotionConfig, NoPlan, PickPlanner
+from simpick.records import PoseEstimate
+from simpick.scene import SceneConfig
+from simpick.scene.workspace import tcp_workspace
+
+MAX_REACH_CHECKS = 40
+"""The arm is asked for its way to so many of the best grasps before none is chosen."""
+
+
+class GraspChooser:
+    """Plans grasps and asks the arm for its way there. Keeps nothing between bins, so policies may share one."""
+
+    def __init__(self, parts: Sequence[Part], config: SceneConfig) -> None:
+        """Prepare the grasps of `parts`; verifying those of a part that is new to the cache takes seconds."""
+        self.parts = tuple(parts)
+        self.workspace = tcp_workspace(config.bin)
+        """Where the TCP may be commanded to."""
+        self._part_of = {part.name: part for part in parts}
+        self._motion = PickPlanner(config, MotionConfig())
+        self._grasps = GraspPlanner(cast("Literal['jaw', 'suction']", config.gripper), config.bin)
+        for part in parts:
+            self._grasps.prepare(part)
+
+    def choose(
+        self, estimates: Sequence[PoseEstimate], T_world_camera: Float[np.ndarray, "4 4"], memory: FailureMemory
+    ) -> WorldGrasp | None:
+        """Return the best grasp that the arm can reach; None if there is none."""
+        parts = [self._part_of[estimate.part] for estimate in estimates]
+        Ts_world_part = [T_world_camera @ estimate.T_camera_part for estimate in estimates]
+        scores = [estimate.score for estimate in estimates]
+        grasps = self._grasps.plan(parts, Ts_world_part, scores=scores, memory=memory)
+        return next((grasp for grasp in grasps[:MAX_REACH_CHECKS] if self._reachable(grasp)), None)
+
+    def _reachable(self, grasp: WorldGrasp) -> bool:
+        inside = bool(self.workspace.contains(grasp.T_world_tcp[None, :3, 3])[0])
+        return inside and not isinstance(self._motion.plan(grasp.T_world_tcp, grasp.opening_m), NoPlan)
