@@ -27,7 +27,16 @@ def _retrieval(hypotheses: int | None) -> PoseEstimator:
     return RetrievalEstimator(None if hypotheses is None else RetrievalConfig(hypotheses=hypotheses))
 
 
-SHIPPED: dict[str, Callable[[int | None], PoseEstimator]] = {"retrieval": _retrieval}
+def _retrieval_refined(hypotheses: int | None) -> PoseEstimator:
+    from simpick.estimators.refiner import RefinedEstimator
+
+    return RefinedEstimator(_retrieval(hypotheses), mode="retrieval_refined")
+
+
+SHIPPED: dict[str, Callable[[int | None], PoseEstimator]] = {
+    "retrieval": _retrieval,
+    "retrieval_refined": _retrieval_refined,
+}
 """Estimators that work from images alone and come with simpick; made for this many hypotheses, or their own number."""
 
 
