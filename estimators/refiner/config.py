@@ -34,9 +34,9 @@ class RefinerConfig:
     """How hypotheses are refined, chosen and merged."""
 
     levels: tuple[AlignmentLevel, ...] = (
-        AlignmentLevel(48, 2.5, 6, 6),
-        AlignmentLevel(64, 1.5, 6, 3),
-        AlignmentLevel(96, 1.2, 6, 2),
+        AlignmentLevel(48, 2.5, 5, 6),
+        AlignmentLevel(64, 1.5, 5, 3),
+        AlignmentLevel(96, 1.2, 5, 2),
     )
     """From coarse to fine."""
     padding: float = 1.4
