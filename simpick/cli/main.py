@@ -19,6 +19,7 @@ from simpick.cli.doctor import Doctor
 from simpick.cli.evaluate import Evaluate
 from simpick.cli.grasps import GraspsCommand
 from simpick.cli.parts import PartsCommand
+from simpick.cli.refiner import RefinerCommand
 from simpick.cli.run import Run
 from simpick.cli.sweep import Sweep
 from simpick.cli.templates import TemplatesCommand
@@ -34,6 +35,7 @@ Command = (
     | Annotated[GraspsCommand, _configure(name="grasps")]
     | Annotated[Evaluate, _configure(name="evaluate")]
     | Annotated[Yardstick, _configure(name="yardstick")]
+    | Annotated[RefinerCommand, _configure(name="refiner")]
     | Annotated[Sweep, _configure(name="sweep")]
     | Annotated[Benchmark, _configure(name="benchmark")]
     | Annotated[Doctor, _configure(name="doctor")]

@@ -29,7 +29,30 @@ def _retrieval(hypotheses: int | None) -> PoseEstimator:
     return RetrievalEstimator(None if hypotheses is None else RetrievalConfig(hypotheses=hypotheses))
 
 
-SHIPPED: dict[str, Callable[[int | None], PoseEstimator]] = {"retrieval": _retrieval}
+def _retrieval_refined(hypotheses: int | None) -> PoseEstimator:
+    from simpick.estimators.refiner import RefinedEstimator
+
+    return RefinedEstimator(_retrieval(hypotheses), mode="retrieval_refined")
+
+
+def _coarse(hypotheses: int | None) -> PoseEstimator:
+    from simpick.estimators.raypose import RayPoseEstimatorConfig, load_estimator
+
+    return load_estimator("coarse", RayPoseEstimatorConfig(hypotheses=hypotheses or 1))
+
+
+def _fine(hypotheses: int | None) -> PoseEstimator:
+    from simpick.estimators.raypose import RayPoseEstimatorConfig, load_estimator
+
+    return load_estimator("fine", RayPoseEstimatorConfig(hypotheses=hypotheses or 1))
+
+
+SHIPPED: dict[str, Callable[[int | None], PoseEstimator]] = {
+    "retrieval": _retrieval,
+    "retrieval_refined": _retrieval_refined,
+    "coarse": _coarse,
+    "fine": _fine,
+}
 """Estimators that work from images alone and come with simpick; made for this many hypotheses, or their own number."""
 
 

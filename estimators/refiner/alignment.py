@@ -1,0 +1,165 @@
+"""Residuals between rendering and image, their analytic Jacobian, and the normal equations of Gauss-Newton.
+
+The six parameters are a rotation vector (rad, in the crop's frame, about the part's origin), a shift of the origin's
+projection (in units of the focal length) and the logarithm of the origin's depth. A rendered map M moves with the
+surface that it shows: ``dM = -grad M . du``, where du is how the surface point's projection moves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from simpick.estimators.refiner.blurring import blur, central_differences
+from simpick.estimators.refiner.config import RefinerConfig
+from simpick.estimators.refiner.rendered_maps import RenderedMaps, pixel_offsets
+from simpick.geometry import so3_exp
+
+_LIGHT_ROUNDS = 2
+"""Rounds of reweighting when the light is fitted."""
+_LIGHT_RIDGE = 3e-3
+"""How strongly the fitted light is held to an even one, as a share of the pixels' own say."""
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """Blurred maps of the image, one row a hypothesis; the same all through a level."""
+
+    brightness: Float[Tensor, "n size size"]
+    mask: Float[Tensor, "n size size"]
+    trust: Float[Tensor, "n size size"]
+    focal_px: Float[Tensor, "n"]
+    blur_px: float
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """How well n hypotheses fit, and where to go from there."""
+
+    cost: Float[Tensor, "n"]
+    """Robust misfit: what Gauss-Newton lowers."""
+    misfit: Float[Tensor, "n"]
+    """Mean robust misfit over mask and silhouette in [0, 1], with a part of the mask that is not covered counted as
+    wrong: what ranks hypotheses of one detection."""
+    hessian: Float[Tensor, "n 6 6"]
+    gradient: Float[Tensor, "n 6"]
+
+
+def align(target: Target, rendered: RenderedMaps, centres: Float[Tensor, "n 2"], config: RefinerConfig) -> Alignment:
+    """Compare; `centres` is where the part's origin projects to, in units of the focal length from the middle."""
+    sigma, trust = target.blur_px, target.trust
+    covered = rendered.silhouette
+    f = target.focal_px[:, None, None]
+
+    # Silhouettes: blurred difference where it can be trusted.
+    edge_x, edge_y = central_differences(covered)
+    near, blurred_silhouette = blur(rendered.nearness, sigma), blur(covered, sigma)
+    # Beyond the silhouette, the depth of the nearest rim.
+    extended = near / blurred_silhouette.clamp_min(1e-4)
+    flow_x, flow_y = projection_jacobian(extended, centres, target.focal_px)  # (n, 6, size, size)
+    difference = blur(trust * (covered - target.mask), sigma) / config.silhouette_scale
+    Gx, Gy = (blur(trust * edge, sigma)[:, None] * (f / config.silhouette_scale)[:, None] for edge in (edge_x, edge_y))
+    J_silhouette = -(Gx * flow_x + Gy * flow_y)
+
+    # Brightness: a linear function of the surface normal, fitted anew to every hypothesis.
+    inner = _eroded(covered) * _eroded((target.mask > 0.5).float())
+    share = blur(inner, sigma)
+    shown = blur(inner[:, None] * rendered.normals, sigma)  # (n, 3, size, size)
+    seen = blur(inner * target.brightness, sigma)
+    light = fit_light(share, shown, seen, config.shading_scale)
+    expected = light[:, 0, None, None] * share + torch.einsum("nk,nkij->nij", light[:, 1:], shown)
+    shade = torch.einsum("nk,nkij->nij", light[:, 1:], shown) / share.clamp_min(1e-3)
+    shade_x, shade_y = central_differences(shade)
+    shading = (expected - seen) / config.shading_scale
+    turned = torch.linalg.cross(shown, light[:, 1:, None, None].expand_as(shown), dim=1)
+    J_shading = -(share * f)[:, None] * (shade_x[:, None] * flow_x + shade_y[:, None] * flow_y)
+    J_shading[:, :3] += turned
+    J_shading = J_shading / config.shading_scale
+
+    weight = config.shading_weight
+    H_s, g_s, cost_s, _ = _normal_equations(difference, J_silhouette)
+    H_b, g_b, cost_b, robust_b = _normal_equations(shading, J_shading)
+    # What of the mask the rendering leaves bare, or covers with its rim only, explains no brightness.
+    mask_px = target.mask.sum(dim=(1, 2)).clamp_min(1.0)
+    bare = (blur(_eroded((target.mask > 0.5).float()), sigma) - share).clamp_min(0).sum(dim=(1, 2))
+    shading_misfit = ((robust_b * share).sum(dim=(1, 2)) + bare) / mask_px
+    silhouette_misfit = cost_s / mask_px
+    misfit = silhouette_misfit + weight * shading_misfit
+    return Alignment(cost_s + weight * cost_b, misfit, H_s + weight * H_b, g_s + weight * g_b)
+
+
+def projection_jacobian(
+    nearness: Float[Tensor, "n size size"], centres: Float[Tensor, "n 2"], focal_px: Float[Tensor, "n"]
+) -> tuple[Float[Tensor, "n 6 size size"], Float[Tensor, "n 6 size size"]]:
+    """Return how the surface point at each pixel moves with each parameter, along x and y, over the focal length.
+
+    With Q the nearness (origin depth over surface depth), x, y the pixel and x0, y0 the origin's projection, all over
+    the focal length: every column is linear in Q.
+    """
+    size = nearness.shape[-1]
+    px, py = pixel_offsets(size)
+    f = focal_px[:, None, None]
+    Q = nearness
+    x, y = (px / f).expand_as(Q), (py / f).expand_as(Q)
+    x0, y0 = centres[:, 0, None, None], centres[:, 1, None, None]
+    a, b, c = y - y0 * Q, x - x0 * Q, 1 - Q
+    zero = torch.zeros_like(Q)
+    flow_x = torch.stack([-x * a, c + x * b, -a, Q, zero, (x0 - x) * Q], dim=1)
+    flow_y = torch.stack([-c - y * a, y * b, b, zero, Q, (y0 - y) * Q], dim=1)
+    return flow_x, flow_y
+
+
+def moved(Ts_crop_part: Float[np.ndarray, "n 4 4"], steps: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "n 4 4"]:
+    """Return the poses after these changes of the six parameters."""
+    out = Ts_crop_part.copy()
+    out[:, :3, :3] = so3_exp(steps[:, :3]) @ Ts_crop_part[:, :3, :3]
+    depth = Ts_crop_part[:, 2, 3]
+    centres = Ts_crop_part[:, :2, 3] / depth[:, None] + steps[:, 3:5]
+    out[:, 2, 3] = depth * np.exp(steps[:, 5])
+    out[:, :2, 3] = centres * out[:, 2, 3, None]
+    return out
+
+
+def fit_light(
+    share: Float[Tensor, "n size size"],
+    shown: Float[Tensor, "n 3 size size"],
+    seen: Float[Tensor, "n size size"],
+    scale: float,
+) -> Float[Tensor, "n 4"]:
+    """Return ambient and directional light that explain the brightness seen best, by reweighted least squares."""
+    A = torch.cat([share[:, None], shown], dim=1).flatten(2)  # (n, 4, pixels)
+    y = seen.flatten(1)
+    weights = torch.ones_like(y)
+    light = y.new_zeros(len(y), 4)
+    pixels = share.square().sum(dim=(1, 2)).clamp_min(1e-3)
+    even = torch.tensor([1.0, 0.0, 0.0, 0.0])
+    ridge = _LIGHT_RIDGE * pixels[:, None, None] * torch.eye(4)
+    for _ in range(_LIGHT_ROUNDS):
+        weighted = A * weights[:, None]
+        M = weighted @ A.transpose(1, 2) + ridge
+        v = (weighted @ y[..., None])[..., 0] + ridge @ even
+        light = torch.linalg.solve(M, v)
+        residual = (torch.einsum("nk,nkp->np", light, A) - y) / scale
+        weights = 1 / (1 + residual.square()).square()
+    return light
+
+
+def _normal_equations(
+    residual: Float[Tensor, "n size size"], J: Float[Tensor, "n 6 size size"]
+) -> tuple[Float[Tensor, "n 6 6"], Float[Tensor, "n 6"], Float[Tensor, "n"], Float[Tensor, "n size size"]]:
+    """Return Hessian, gradient and cost under the Geman-McClure kernel r^2 / (1 + r^2), and that kernel's map."""
+    square = residual.square()
+    robust = square / (1 + square)
+    weights = 1 / (1 + square).square()
+    flat = J.flatten(2)
+    weighted = flat * weights.flatten(1)[:, None]
+    gradient = (weighted @ residual.flatten(1)[..., None])[..., 0]
+    return weighted @ flat.transpose(1, 2), gradient, robust.sum(dim=(1, 2)), robust
+
+
+def _eroded(maps: Float[Tensor, "n size size"]) -> Float[Tensor, "n size size"]:
+    return -torch.nn.functional.max_pool2d(-maps[:, None], 3, 1, 1)[:, 0]

@@ -1,0 +1,125 @@
+"""``simpick refiner``: from how far off does refinement find a pose, and how sure may one be of it?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+
+@dataclass(frozen=True)
+class RefinerBasin:
+    """Plot the final error against the initial one: true poses are disturbed and refined, on yardstick bins."""
+
+    bins: int = 5
+    """How many of the yardstick's bins."""
+    starts_deg: tuple[float, ...] = (5.0, 10.0, 20.0, 30.0, 45.0)
+    """Initial rotation errors, about random axes."""
+    depth_percent: float = 10.0
+    """Initial depth errors are drawn evenly up to this."""
+    seed: int = 0
+    """Of the disturbances."""
+    out: Path = Path("logs/refiner_basin.png")
+    """The plot to write; one of that name is replaced."""
+
+    def run(self) -> int:
+        """Measure and plot."""
+        from rich.console import Console
+
+        from simpick.errors import ConfigError
+        from simpick.estimators.refiner import Refiner
+        from simpick.evaluation.refiner_basin import measure_basin, plot_basin
+        from simpick.evaluation.yardstick import load_view, yardstick_bins
+
+        if not self.starts_deg or min(self.starts_deg) < 0 or max(self.starts_deg) > 180:
+            raise ConfigError(f"starts_deg must be one or more angles between 0 and 180, got {self.starts_deg}")
+        if not 0 <= self.depth_percent < 100:
+            raise ConfigError(f"depth_percent must be between 0 and 100, got {self.depth_percent}")
+        views = [load_view(bin) for bin in yardstick_bins(self.bins)]
+        with Refiner() as refiner:
+            points = measure_basin(views, refiner, self.starts_deg, self.depth_percent / 100, self.seed)
+        plot_basin(points, self.out)
+        Console().print(f"{len(points)} refinements: {self.out}", soft_wrap=True)
+        return 0
+
+
+@dataclass(frozen=True)
+class RefinerCalibrate:
+    """Fit the probability that a refined pose can be picked by, on bins of random parts; check it on library parts.
+
+    The random parts are training parts, so that library parts stay unseen. Hypotheses come from `retrieval`.
+    """
+
+    bins: int = 8
+    """Bins of random parts to fit on, each with parts of its own."""
+    parts: int = 4
+    """Kinds of random parts in each bin."""
+    count: int = 24
+    """Instances in each bin."""
+    check_bins: int = 5
+    """Yardstick bins to check on."""
+    out: Path = Path("logs/refiner_calibration")
+    """Folder for confidence.json and reliability.png; files of these names are replaced."""
+
+    def run(self) -> int:
+        """Fit, check, write."""
+        from rich.console import Console
+
+        from simpick.estimators.refiner import RefinedEstimator
+        from simpick.estimators.refiner.confidence import fit_confidence
+        from simpick.estimators.retrieval import RetrievalEstimator
+        from simpick.evaluation.refiner_calibration import (
+            brier_score,
+            outcomes,
+            plot_reliability,
+            random_bin,
+            write_confidence,
+        )
+        from simpick.evaluation.yardstick import load_view, yardstick_bins
+
+        check = yardstick_bins(self.check_bins)
+        estimator = RefinedEstimator(RetrievalEstimator())
+        console = Console()
+        try:
+            fitted_on = outcomes((random_bin(k, self.parts, self.count) for k in range(self.bins)), estimator)
+            confidence = fit_confidence(fitted_on.features, fitted_on.good)
+            held_out = outcomes((load_view(bin) for bin in check), estimator)
+        finally:
+            estimator.close()
+        predicted = confidence.probability(held_out.features)
+        provenance = {
+            "made_by": f"simpick refiner calibrate --bins {self.bins} --parts {self.parts} --count {self.count}",
+            "hypotheses_from": "retrieval",
+            "fitted_on": {
+                "poses": len(fitted_on.good),
+                "good_share": round(float(fitted_on.good.mean()), 4),
+                "brier": round(brier_score(confidence.probability(fitted_on.features), fitted_on.good), 4),
+            },
+            "checked_on": {
+                "yardstick_bins": self.check_bins,
+                "poses": len(held_out.good),
+                "good_share": round(float(held_out.good.mean()), 4),
+                "brier": round(brier_score(predicted, held_out.good), 4),
+            },
+        }
+        write_confidence(confidence, provenance, self.out / "confidence.json")
+        plot_reliability(predicted, held_out.good, self.out / "reliability.png")
+        console.print(provenance)
+        console.print(f"written to {self.out}; copy confidence.json to estimators/refiner/ to ship it", soft_wrap=True)
+        return 0
+
+
+@dataclass(frozen=True)
+class RefinerCommand:
+    """Look into the refiner: its basin of convergence, and how sure one may be of its poses."""
+
+    action: (
+        Annotated[RefinerBasin, tyro.conf.subcommand(name="basin", prefix_name=False)]
+        | Annotated[RefinerCalibrate, tyro.conf.subcommand(name="calibrate", prefix_name=False)]
+    )
+
+    def run(self) -> int:
+        """Run the chosen subcommand."""
+        return self.action.run()

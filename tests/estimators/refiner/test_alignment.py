@@ -1,0 +1,72 @@
+"""The analytic Jacobians against finite differences, and the maps they rest on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from simpick.assets.library import get_part
+from simpick.estimators.refiner.alignment import Target, align, moved, projection_jacobian
+from simpick.estimators.refiner.config import RefinerConfig
+from simpick.estimators.refiner.rendered_maps import rendered_maps
+from simpick.geometry import Pinhole, VirtualCameras, so3_exp, transform
+from simpick.rendering import PartRenderer
+
+SIZE, FOCAL = 64, 700.0
+CAMERAS = VirtualCameras(SIZE, np.array([FOCAL]), np.eye(3)[None])
+T_CROP_PART = transform(so3_exp(np.array([0.5, -0.4, 0.8])), np.array([0.004, -0.003, 0.9]))
+
+
+def test_projection_moves_as_the_jacobian_says():
+    T, step = T_CROP_PART, 1e-6
+    pixel, depth_m = np.array([40.5, 21.5]), 0.93
+    ray = np.array([*(pixel - SIZE / 2) / FOCAL, 1.0])
+    point_part = np.linalg.inv(T) @ np.append(depth_m * ray, 1.0)
+    nearness = torch.full((1, SIZE, SIZE), T[2, 3] / depth_m)
+    centres = torch.tensor(T[:2, 3] / T[2, 3])[None].float()
+    flow_x, flow_y = projection_jacobian(nearness, centres, torch.tensor([FOCAL]))
+    for k in range(6):
+        ends = [(moved(T[None], sign * step * np.eye(6)[k : k + 1])[0] @ point_part)[:3] for sign in (1, -1)]
+        numeric = (ends[0][:2] / ends[0][2] - ends[1][:2] / ends[1][2]) / (2 * step)
+        analytic = np.array([flow_x[0, k, 21, 40], flow_y[0, k, 21, 40]])
+        assert analytic == pytest.approx(numeric, abs=2e-5)
+
+
+def test_the_cost_falls_as_the_gradient_says():
+    part, config = get_part("l_bracket"), RefinerConfig()
+    focal_px = torch.tensor([FOCAL])
+    with PartRenderer(part, SIZE, SIZE) as renderer:
+        seen = renderer.render(T_CROP_PART[None], CAMERAS.pinhole(0))
+        assert seen.rgb is not None
+        gray, mask = torch.from_numpy(seen.rgb).float().mean(-1) / 255, torch.from_numpy(seen.masks).float()
+        target = Target(gray / (gray * mask).sum() * mask.sum(), mask, torch.ones_like(mask), focal_px, 2.5)
+
+        def aligned(T):
+            depth_m = torch.from_numpy(renderer.render(T[None], CAMERAS.pinhole(0), rgb=False).depth_m)
+            maps = rendered_maps(depth_m, torch.tensor([float(T[2, 3])]), focal_px)
+            return align(target, maps, torch.tensor(T[:2, 3] / T[2, 3])[None].float(), config)
+
+        off = moved(T_CROP_PART[None], np.array([[0.08, -0.06, 0.05, 1e-3, -1e-3, 0.03]]))
+        gradient = 2 * aligned(off[0]).gradient[0].double().numpy()
+        # Silhouettes of pixels are rough: a step must be some pixels' worth of motion.
+        sizes = np.array([0.03, 0.03, 0.03, 7e-4, 7e-4, 0.03])
+        costs = [
+            [float(aligned(moved(off, sign * size * axis[None])[0]).cost[0]) for sign in (1, -1)]
+            for size, axis in zip(sizes, np.eye(6), strict=True)
+        ]
+    numeric = np.array([ahead - behind for ahead, behind in costs])
+    analytic = gradient * 2 * sizes
+    cosine = analytic @ numeric / np.linalg.norm(analytic) / np.linalg.norm(numeric)
+    assert cosine > 0.95
+    assert np.linalg.norm(analytic) == pytest.approx(np.linalg.norm(numeric), rel=0.3)
+
+
+def test_normals_of_a_tilted_plane_are_exact():
+    camera = Pinhole(SIZE, SIZE, FOCAL, FOCAL, SIZE / 2, SIZE / 2)
+    normal = np.array([0.3, -0.5, 0.8]) / np.linalg.norm([0.3, -0.5, 0.8])
+    rows, columns = np.mgrid[:SIZE, :SIZE] + 0.5
+    rays = camera.back_project(np.stack([columns, rows], -1), np.ones((SIZE, SIZE)))
+    depth_m = torch.tensor(0.7 / (rays @ normal), dtype=torch.float32)[None]
+    maps = rendered_maps(depth_m, torch.tensor([0.9]), torch.tensor([FOCAL]))
+    assert np.abs(maps.normals[0].permute(1, 2, 0).numpy() - normal).max() < 5e-3

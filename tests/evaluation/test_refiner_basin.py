@@ -1,0 +1,31 @@
+"""Disturbed starts, and the plots."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from simpick.evaluation.refiner_basin import BasinPoint, perturbed, plot_basin
+from simpick.evaluation.refiner_calibration import brier_score, plot_reliability
+from simpick.geometry import rotation_angle, transform
+
+
+def test_starts_are_off_by_the_angle_asked_for_and_by_no_more_depth():
+    rng = np.random.default_rng(1)
+    T = transform(translation=np.array([0.1, 0.0, 0.8]))
+    starts = np.array([perturbed(T, 20.0, 0.1, rng) for _ in range(50)])
+    assert np.degrees(rotation_angle(starts[:, :3, :3])) == pytest.approx(np.full(50, 20.0))
+    assert np.abs(starts[:, 2, 3] / 0.8 - 1).max() <= 0.1
+    assert starts[:, 2, 3].std() > 0.02
+
+
+def test_plots_are_written(tmp_path):
+    points = [BasinPoint(start, start / 10, 1.0, seen) for start in (5.0, 20.0) for seen in (0.3, 0.6, 1.0)]
+    plot_basin(points, tmp_path / "new" / "basin.png")
+    plot_reliability(np.linspace(0, 1, 40), np.repeat([0.0, 1.0], 20), tmp_path / "reliability.png")
+    assert (tmp_path / "new" / "basin.png").stat().st_size > 5000
+    assert (tmp_path / "reliability.png").stat().st_size > 5000
+
+
+def test_brier_score():
+    assert brier_score(np.array([1.0, 0.5]), np.array([1.0, 0.0])) == 0.125
