@@ -14,13 +14,13 @@ from simpick.estimators.raypose.pose_maps import CHANNELS, canonical_rays, encod
 
 
 class Decoder(nn.Module):
-    """Predicts clean maps from noisy ones (x0 prediction), as a change of the maps of "same pose as the template"."""
+    """Predicts clean maps from noisy ones (x0 prediction), as a change of first maps that are known."""
 
     neutral: Tensor
 
     def __init__(self, config: RayPoseConfig) -> None:
         super().__init__()
-        self.embed_maps = nn.Linear(CHANNELS, config.width)
+        self.embed_maps = nn.Linear(2 * CHANNELS, config.width)
         self.embed_noise = NoiseLevelEmbedding(config.width)
         self.blocks = nn.ModuleList(DiTBlock(config.width, config.heads) for _ in range(config.decoder_blocks))
         self.norm_out = nn.LayerNorm(config.width, elementwise_affine=False)
@@ -44,12 +44,13 @@ class Decoder(nn.Module):
         maps: Float[Tensor, "batch views tokens 6"],
         log_snr: Float[Tensor, "batch"],
         base: Float[Tensor, "batch views tokens width"],
+        first: Float[Tensor, "batch views tokens 6"],
         kv: Sequence[KeysValues],
     ) -> Float[Tensor, "batch views tokens 6"]:
-        """Return the clean maps; `base` is all that is known of each cell beside its noisy map."""
+        """Return the clean maps, as a change of `first`; `base` is all that is known beside the noisy maps."""
         noise = self.embed_noise(log_snr)  # (batch, width)
-        x = self.embed_maps(maps) + base  # (batch, views, tokens, width)
+        x = self.embed_maps(torch.cat([maps, first], dim=-1)) + base  # (batch, views, tokens, width)
         for block, block_kv in zip(self.blocks, kv, strict=True):
             x = block(x, block_kv, noise)
         shift, scale = self.modulation_out(torch.nn.functional.silu(noise))[:, None, None].chunk(2, dim=-1)
-        return self.neutral + self.out(self.norm_out(x) * (1 + scale) + shift)
+        return first + self.out(self.norm_out(x) * (1 + scale) + shift)

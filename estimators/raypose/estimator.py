@@ -196,7 +196,7 @@ class RayPoseEstimator:
     def _sample(
         self, queries: QueryTokens, query: np.ndarray, templates: TemplateTokens
     ) -> tuple[ViewPoses, Float[torch.Tensor, "n"]]:
-        own = QueryTokens(queries.tokens[query], queries.descriptors[query], queries.coverage[query])
+        own = QueryTokens(*(getattr(queries, field.name)[query] for field in dataclasses.fields(queries)))
         conditioning = self.model.condition(own, templates)
         generator = torch.Generator().manual_seed(self.config.seed)
         views = sample_views(self.model, conditioning, self._schedule, self.config.steps, generator)

@@ -25,6 +25,8 @@ class LossWeights:
     translation_reconstruction: float = 2.0
     translation_xyz: float = 0.5
     matching: float = 0.3
+    matched_points: float = 3.0
+    first: float = 1.0
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -74,7 +76,7 @@ def matching(
     template_points: Float[Tensor, "batch template_cells 3"],
     template_valid: Bool[Tensor, "batch template_cells"],
     *,
-    sigma: float = 0.05,
+    sigma: float = 0.035,
 ) -> Float[Tensor, ""]:
     """Return the cross-entropy between what query cells match and what shows the same place of the part.
 
@@ -86,6 +88,18 @@ def matching(
     target = target / target.sum(dim=-1, keepdim=True).clamp_min(1e-9)
     entropy = -(target * log_probabilities).sum(dim=-1)  # (batch, query cells)
     return (entropy * seen).sum() / seen.sum().clamp_min(1)
+
+
+def matched_points(
+    points: Float[Tensor, "batch query_cells 3"],
+    query_points: Float[Tensor, "batch query_cells 3"],
+    query_valid: Bool[Tensor, "batch query_cells"],
+) -> Float[Tensor, ""]:
+    """Return the mean distance between matched and true places, in diameters; far-off ones count no further."""
+    error = (points - query_points).norm(dim=-1)
+    # Some cells show what no template shows.
+    error = 0.15 * torch.tanh(error / 0.15)
+    return (error * query_valid).sum() / query_valid.sum().clamp_min(1)
 
 
 def pose_map_losses(

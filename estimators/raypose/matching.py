@@ -14,9 +14,12 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from simpick.estimators.raypose.pose_maps import ViewPoses
+from simpick.estimators.raypose.pose_solver import SolvedPoses
+
 MIN_COVERAGE = 0.3
 """A template cell of which the part covers less cannot be matched."""
-FEATURES = 6
+FEATURES = 11
 """Of `Matches.features`."""
 
 
@@ -32,20 +35,27 @@ class Matches:
     """Standard deviation of that position, in diameters."""
     likeness: Float[Tensor, "batch query_cells"]
     """Cosine of the most similar descriptor."""
+    weights: Float[Tensor, "batch query_cells"]
+    """How much each cell is to be trusted, in [0, 1]."""
 
     def features(
         self,
-        R: Float[Tensor, "batch views 3 3"],
+        solved: SolvedPoses,
+        reference: ViewPoses,
         scale: Float[Tensor, "batch views"],
         coverage: Float[Tensor, "batch query_cells"],
-    ) -> Float[Tensor, "batch views query_cells 6"]:
-        """Return, for each view: where in it the match lies (3), spread, likeness and the query's coverage.
+        grid: Float[Tensor, "query_cells 2"],
+    ) -> Float[Tensor, "batch views query_cells 11"]:
+        """Return what the decoder is told of each cell, for each view.
 
-        `scale` is the part's diameter over each view's reach, so that positions are in half sides of its crop.
+        Where in the reference view the match lies (3), the solved pose's residual (2), the cell's place (2), spread,
+        likeness, weight and coverage. `scale` is the part's diameter over each reference view's reach.
         """
-        turned = torch.einsum("bkij,bnj->bkni", R, self.points)  # (batch, views, query cells, 3)
-        rest = torch.stack([self.spread * 4, self.likeness, coverage], dim=-1)  # (batch, query cells, 3)
-        return torch.cat([turned * scale[..., None, None], rest[:, None].expand(-1, R.shape[1], -1, -1)], dim=-1)
+        turned = torch.einsum("bkij,bnj->bkni", reference.R, self.points) * scale[..., None, None]
+        views = turned.shape[1]
+        own = torch.stack([self.spread * 4, self.likeness, self.weights, coverage], dim=-1)  # (batch, cells, 4)
+        shared = torch.cat([own, grid.expand(*own.shape[:-1], 2)], dim=-1)
+        return torch.cat([turned, 4 * solved.residuals, shared[:, None].expand(-1, views, -1, -1)], dim=-1)
 
 
 class Matcher(nn.Module):
@@ -54,7 +64,8 @@ class Matcher(nn.Module):
     def __init__(self, inputs: int, width: int) -> None:
         super().__init__()
         self.project = nn.Conv2d(inputs, width, 1)
-        self.log_temperature = nn.Parameter(torch.tensor(math.log(12.0)))
+        self.log_temperature = nn.Parameter(torch.tensor(math.log(25.0)))
+        self.trust = nn.Sequential(nn.Linear(width + 3, 32), nn.ReLU(), nn.Linear(32, 1))
 
     def describe(self, features: Float[Tensor, "batch inputs h w"]) -> Float[Tensor, "batch cells width"]:
         """Return one descriptor for each cell, row by row."""
@@ -66,15 +77,18 @@ class Matcher(nn.Module):
         templates: Float[Tensor, "batch template_cells width"],
         points: Float[Tensor, "batch template_cells 3"],
         coverage: Float[Tensor, "batch template_cells"],
+        query_coverage: Float[Tensor, "batch query_cells"],
     ) -> Matches:
         """Return what each query cell matches among all template cells; positions in diameters of the part."""
         cosine = query @ templates.mT  # (batch, query cells, template cells)
         covered = (coverage >= MIN_COVERAGE)[:, None]
-        logits = cosine * self.log_temperature.exp().clamp(max=60.0)
+        logits = cosine * self.log_temperature.exp().clamp(max=100.0)
         log_probabilities = logits.masked_fill(~covered, -1e4).log_softmax(dim=-1)
         weights = log_probabilities.exp()
         mean = weights @ points  # (batch, query cells, 3)
         square = (weights @ points.square()).sum(dim=-1)
         spread = (square - mean.square().sum(dim=-1) + 1e-6).clamp_min(1e-6).sqrt()
         likeness = cosine.masked_fill(~covered, -1.0).amax(dim=-1)
-        return Matches(log_probabilities, mean, spread, likeness)
+        hints = torch.stack([spread * 4, likeness, query_coverage], dim=-1)
+        trust = self.trust(torch.cat([query, hints], dim=-1)).squeeze(-1).sigmoid()
+        return Matches(log_probabilities, mean, spread, likeness, trust * (query_coverage > MIN_COVERAGE))

@@ -15,7 +15,8 @@ from simpick.estimators.raypose.decoder import Decoder
 from simpick.estimators.raypose.image_encoder import make_image_encoder
 from simpick.estimators.raypose.layers import KeysValues, SelfAttentionBlock, mlp
 from simpick.estimators.raypose.matching import FEATURES, Matcher, Matches
-from simpick.estimators.raypose.pose_maps import ViewPoses
+from simpick.estimators.raypose.pose_maps import CHANNELS, ViewPoses, cell_centres, encode_pose_maps
+from simpick.estimators.raypose.pose_solver import SolvedPoses, solve_poses
 from simpick.estimators.raypose.view_encoder import ViewEncoder
 
 
@@ -65,6 +66,7 @@ class QueryTokens:
     tokens: Float[Tensor, "batch tokens width"]
     descriptors: Float[Tensor, "batch cells match_width"]
     coverage: Float[Tensor, "batch cells"]
+    half_tangent: Float[Tensor, "batch"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +78,8 @@ class Conditioning:
     kv: Sequence[KeysValues]
     reference: ViewPoses
     """What poses are relative to; leading dimensions (batch, views)."""
+    first: Float[Tensor, "groups views tokens 6"]
+    """Maps that the decoder corrects: those of the pose solved from matches, or of "same pose as the reference"."""
     matches: Matches | None
 
 
@@ -96,14 +100,14 @@ class RayPose(nn.Module):
         self.view_position = nn.Parameter(0.02 * torch.randn(config.templates, width))
         self.fuser = nn.Sequential(*(SelfAttentionBlock(width, config.heads) for _ in range(config.fuser_blocks)))
         self.matcher = Matcher(config.local_width, config.match_width)
-        self.embed_matches = nn.Sequential(nn.Linear(patch * (FEATURES + 2), width), mlp(width, 2))
+        self.embed_matches = nn.Sequential(nn.Linear(patch * FEATURES, width), mlp(width, 2))
         self.decoder = Decoder(config)
 
     def encode_query(self, inputs: QueryInputs) -> QueryTokens:
         """Return a query's tokens and descriptors: image and box, since its pose is what is asked for."""
         features = self.image_encoder(inputs.rgb, inputs.masks)  # (batch, local width, cells, cells)
         tokens = self._image_tokens(features) + self.view_encoder.encode_box(inputs.half_tangent)
-        return QueryTokens(tokens, self.matcher.describe(features), self._coverage(inputs.masks))
+        return QueryTokens(tokens, self.matcher.describe(features), self._coverage(inputs.masks), inputs.half_tangent)
 
     def encode_templates(self, inputs: TemplateInputs) -> TemplateTokens:
         """Return what templates' images say: tokens and descriptors, before poses are told."""
@@ -140,16 +144,18 @@ class RayPose(nn.Module):
         views = fused.tokens.shape[1]
         reference = self._reference(fused)
         base = query.tokens[:, None] + fused.tokens  # (batch, views, tokens, width)
+        first = self.decoder.neutral.expand(*base.shape[:-1], CHANNELS)
         matches = None
         if self.config.matching and self.config.template_pose:
-            matches, features = self._match(query, fused, reference)
+            matches, solved, features = self._match(query, fused, reference)
             base = base + self.embed_matches(self._patches(features))
+            first = self._maps_of(solved, reference, fused.diameter_m)
         if self.config.multiview:
             context = torch.cat([query.tokens, fused.tokens.flatten(1, 2)], dim=1)
         else:
-            base = base.flatten(0, 1)[:, None]
+            base, first = base.flatten(0, 1)[:, None], first.flatten(0, 1)[:, None]
             context = torch.cat([query.tokens.repeat_interleave(views, 0), fused.tokens.flatten(0, 1)], dim=1)
-        return Conditioning(base, self.decoder.keys_values(context), reference, matches)
+        return Conditioning(base, self.decoder.keys_values(context), reference, first, matches)
 
     def denoise(
         self, maps: Float[Tensor, "batch views p p 6"], log_snr: Float[Tensor, "batch"], conditioning: Conditioning
@@ -159,29 +165,42 @@ class RayPose(nn.Module):
         noisy = maps.flatten(2, 3)
         if not self.config.multiview:
             noisy, log_snr = noisy.flatten(0, 1)[:, None], log_snr.repeat_interleave(shape[1])
-        return self.decoder(noisy, log_snr, conditioning.base, conditioning.kv).reshape(shape)
+        return self.decoder(noisy, log_snr, conditioning.base, conditioning.first, conditioning.kv).reshape(shape)
 
     # -- pieces -------------------------------------------------------------------------------------------------
 
     def _match(
         self, query: QueryTokens, fused: TemplateTokens, reference: ViewPoses
-    ) -> tuple[Matches, Float[Tensor, "batch views cells features"]]:
-        views, scale = fused.tokens.shape[1], fused.diameter_m[:, None] / reference.reach_m
-        sets = fused.descriptors, fused.points, fused.coverage
+    ) -> tuple[Matches, SolvedPoses, Float[Tensor, "batch views cells features"]]:
+        """Return matches, the pose solved from them from each template's own, and what the decoder is told."""
+        views = fused.tokens.shape[1]
+        scale = fused.diameter_m[:, None] / reference.reach_m
+        grid = cell_centres(self.config.local_cells, device=query.tokens.device).flatten(0, 1)
+        poses, sets = fused.poses, (fused.descriptors, fused.points, fused.coverage)
+        log_scale = (fused.diameter_m[:, None] / poses.reach_m).log()
+        start = SolvedPoses(poses.R, poses.centre, log_scale, poses.centre[:, :, None])
         if self.config.multiview:
-            matches = self.matcher.match(query.descriptors, *(x.flatten(1, 2) for x in sets))
-            features = matches.features(reference.R, scale, query.coverage)
-        else:
-            each = query.descriptors.repeat_interleave(views, 0)
-            matches = self.matcher.match(each, *(x.flatten(0, 1) for x in sets))
-            coverage = query.coverage.repeat_interleave(views, 0)
-            features = matches.features(reference.R.flatten(0, 1)[:, None], scale.flatten()[:, None], coverage)
-            features = features.squeeze(1).unflatten(0, (-1, views))
-        cells = self.config.local_cells
-        axis = (torch.arange(cells, device=features.device) + 0.5) * (2 / cells) - 1
-        y, x = torch.meshgrid(axis, axis, indexing="ij")
-        grid = torch.stack([x, y], dim=-1).flatten(0, 1).to(features.dtype)
-        return matches, torch.cat([features, grid.expand(*features.shape[:-1], 2)], dim=-1)
+            matches = self.matcher.match(query.descriptors, *(x.flatten(1, 2) for x in sets), query.coverage)
+            solved = solve_poses(matches.points, grid, matches.weights, query.half_tangent, start)
+            return matches, solved, matches.features(solved, reference, scale, query.coverage, grid)
+        # Every template is a query's only one: as many groups as templates, of one view each.
+        each = QueryTokens(*(getattr(query, f.name).repeat_interleave(views, 0) for f in dataclasses.fields(query)))
+        matches = self.matcher.match(each.descriptors, *(x.flatten(0, 1) for x in sets), each.coverage)
+        alone = SolvedPoses(*(getattr(start, f.name).flatten(0, 1)[:, None] for f in dataclasses.fields(start)))
+        solved = solve_poses(matches.points, grid, matches.weights, each.half_tangent, alone)
+        own = ViewPoses(*(getattr(reference, f.name).flatten(0, 1)[:, None] for f in dataclasses.fields(reference)))
+        features = matches.features(solved, own, scale.flatten()[:, None], each.coverage, grid)
+        solved = SolvedPoses(
+            *(getattr(solved, f.name).squeeze(1).unflatten(0, (-1, views)) for f in dataclasses.fields(solved))
+        )
+        return matches, solved, features.squeeze(1).unflatten(0, (-1, views))
+
+    def _maps_of(
+        self, solved: SolvedPoses, reference: ViewPoses, diameter_m: Float[Tensor, "batch"]
+    ) -> Float[Tensor, "batch views tokens 6"]:
+        reach_m = diameter_m[:, None] / solved.log_scale.exp()
+        pose = ViewPoses(solved.R, solved.centre, reach_m)
+        return encode_pose_maps(pose, reference, self.config.map_cells, self.config.padding).flatten(2, 3)
 
     def _reference(self, fused: TemplateTokens) -> ViewPoses:
         if self.config.relative_pose:

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from simpick.estimators.raypose import losses
-from simpick.estimators.raypose.matching import MIN_COVERAGE
+from simpick.estimators.raypose.matching import MIN_COVERAGE, Matches
 from simpick.estimators.raypose.model import RayPose
 from simpick.estimators.raypose.objective import add_noise
 from simpick.estimators.raypose.pose_maps import encode_pose_maps
@@ -28,13 +28,14 @@ def loss_terms(
     predicted = model.denoise(add_noise(target, noise, log_snr), log_snr, conditioning).float()
     terms = losses.pose_map_losses(predicted, target, batch.truth, conditioning.reference, config.padding)
     if conditioning.matches is not None:
-        terms["matching"] = _matching(model, batch, conditioning.matches.log_probabilities.float())
+        terms |= _matching(model, batch, conditioning.matches)
+        first = conditioning.first.reshape(target.shape).float()
+        terms["first"] = losses.ray_reconstruction(first[..., :3], target[..., :3])
+        terms["first"] = terms["first"] + losses.translation_reconstruction(first[..., 3:], target[..., 3:])
     return terms
 
 
-def _matching(
-    model: RayPose, batch: TrainingBatch, log_probabilities: Float[Tensor, "groups query_cells template_cells"]
-) -> Float[Tensor, ""]:
+def _matching(model: RayPose, batch: TrainingBatch, matches: Matches) -> dict[str, Float[Tensor, ""]]:
     points, covered = batch.templates.points, batch.templates.coverage >= MIN_COVERAGE
     query_points, seen = batch.points, batch.seen
     if model.config.multiview:
@@ -43,4 +44,8 @@ def _matching(
         views = points.shape[1]
         points, covered = points.flatten(0, 1), covered.flatten(0, 1)
         query_points, seen = query_points.repeat_interleave(views, 0), seen.repeat_interleave(views, 0)
-    return losses.matching(log_probabilities, query_points, seen, points, covered)
+    log_probabilities = matches.log_probabilities.float()
+    return {
+        "matching": losses.matching(log_probabilities, query_points, seen, points, covered),
+        "matched_points": losses.matched_points(matches.points.float(), query_points, seen),
+    }
