@@ -1,7 +1,7 @@
 """From how well a refined pose fits to the probability that it is good enough to pick by.
 
-A logistic regression, fitted on bins of random training parts by ``simpick refiner calibrate`` and kept, with what it
-was fitted on, in ``confidence.json`` beside this file. Library parts and user CAD have no part in it.
+A logistic regression, fitted on bins of random training parts by ``simpick refiner calibrate``, which writes it with
+what it was fitted on as ``confidence.json``. Library parts and user CAD have no part in it.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,6 @@ from jaxtyping import Float
 from simpick.errors import ConfigError
 from simpick.records import PoseHypothesis
 
-CONFIDENCE_FILE = Path(__file__).with_name("confidence.json")
 FEATURES = ("log_score", "margin", "log_visible_px")
 GOOD_MM, GOOD_DEG = 5.0, 10.0
 """A pose is good enough below these errors: there the jaw forgives nearly everything (``simpick sweep``)."""
@@ -71,8 +69,7 @@ def fit_confidence(
     return Confidence(float(w[0] - weights @ mean), tuple(float(value) for value in weights))
 
 
-@lru_cache(maxsize=1)
-def shipped_confidence() -> Confidence:
-    """Return the model that ships with simpick."""
-    content = json.loads(CONFIDENCE_FILE.read_text())
+def read_confidence(file: Path) -> Confidence:
+    """Return the model that ``simpick refiner calibrate`` wrote to a file."""
+    content = json.loads(file.read_text())
     return Confidence(content["bias"], tuple(content["weights"][name] for name in FEATURES))

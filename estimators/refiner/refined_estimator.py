@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from simpick.assets.part import Part
 from simpick.estimators.base import PoseEstimator
+from simpick.estimators.refiner.confidence import Confidence, confidence_features
 from simpick.estimators.refiner.config import RefinerConfig
 from simpick.estimators.refiner.refiner import Refiner
 from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
@@ -19,8 +20,20 @@ class RefinedEstimator:
     Closable, because the refiner renders.
     """
 
-    def __init__(self, base: PoseEstimator, config: RefinerConfig | None = None, *, mode: str = "refined") -> None:
-        """Take hypotheses from `base`, which makes several or one; `mode` is the name in the estimates."""
+    def __init__(
+        self,
+        base: PoseEstimator,
+        config: RefinerConfig | None = None,
+        *,
+        mode: str = "refined",
+        confidence: Confidence | None = None,
+    ) -> None:
+        """Take hypotheses from `base`, which makes several or one; `mode` is the name in the estimates.
+
+        With `confidence`, an estimate's score is the probability that its pose is good enough to pick by; without, it
+        is the refiner's own score.
+        """
+        self._confidence = confidence
         self.base, self.mode = base, mode
         self.refiner = Refiner(config)
 
@@ -31,6 +44,8 @@ class RefinedEstimator:
 
     def estimate(self, frame: CameraFrame, detections: Sequence[Detection]) -> list[PoseEstimate]:
         """Return one estimate for each detection that the base answers, with refined hypotheses, best first.
+
+        The hypotheses keep the refiner's scores, whatever the estimate's own is.
 
         Raises:
             ConfigError: as the base estimator and `Refiner.refine`.
@@ -45,19 +60,33 @@ class RefinedEstimator:
         unanswered = [d for d in detections if not any(d is known for known in answered)]
         hypotheses = [e.hypotheses or (PoseHypothesis(e.T_camera_part, e.score),) for e in estimates]
         refined = self.refiner.refine(frame, [*answered, *unanswered], [*hypotheses, *((),) * len(unanswered)])
+        scores = [self._score(best, detection) for best, detection in zip(refined, answered, strict=False)]
         elapsed_s = (time.perf_counter() - start) / len(estimates)
         return [
             dataclasses.replace(
                 estimate,
                 T_camera_part=best_first[0].T_camera_part,
-                score=best_first[0].score,
+                score=score,
                 mode=self.mode,
                 elapsed_s=elapsed_s,
                 hypotheses=best_first,
             )
-            for estimate, best_first in zip(estimates, refined, strict=False)
+            for estimate, best_first, score in zip(estimates, refined, scores, strict=False)
         ]
+
+    def _score(self, best_first: Sequence[PoseHypothesis], detection: Detection) -> float:
+        if self._confidence is None:
+            return best_first[0].score
+        return float(self._confidence.probability(confidence_features(best_first, _visible_px(detection))))
 
     def close(self) -> None:
         """Free the refiner's OpenGL contexts; may be called again."""
         self.refiner.close()
+
+
+def _visible_px(detection: Detection) -> int:
+    """Return the mask's pixels, or the box's where there is no mask."""
+    if detection.mask is not None:
+        return int(detection.mask.sum())
+    sides = detection.box_xyxy_px[2:] - detection.box_xyxy_px[:2]
+    return int(sides[0] * sides[1])

@@ -107,7 +107,7 @@ class RefinerCalibrate:
         write_confidence(confidence, provenance, self.out / "confidence.json")
         plot_reliability(predicted, held_out.good, self.out / "reliability.png")
         console.print(provenance)
-        console.print(f"written to {self.out}; copy confidence.json to estimators/refiner/ to ship it", soft_wrap=True)
+        console.print(f"written to {self.out}", soft_wrap=True)
         return 0
 
 

@@ -1,0 +1,49 @@
+"""Probabilities from scores: the fit recovers a known model, and the shipped one is sane."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from simpick.errors import ConfigError
+from simpick.estimators.refiner.confidence import (
+    Confidence,
+    confidence_features,
+    fit_confidence,
+    read_confidence,
+)
+from simpick.evaluation.refiner_calibration import write_confidence
+from simpick.records import PoseHypothesis
+
+
+def hypotheses(*scores: float) -> list[PoseHypothesis]:
+    return [PoseHypothesis(np.eye(4), score) for score in scores]
+
+
+def test_a_known_model_is_found_again():
+    rng = np.random.default_rng(0)
+    X = rng.normal(size=(20_000, 3)) * [0.5, 0.3, 1.0] + [-1.0, 0.4, 6.0]
+    true = Confidence(-2.0, (3.0, 2.0, 0.8))
+    good = (rng.random(len(X)) < true.probability(X)).astype(float)
+    fitted = fit_confidence(X, good)
+    # Sampling leaves the weights off by a tenth or so, and the probabilities by half a percent on average.
+    assert np.abs(fitted.probability(X) - true.probability(X)).mean() < 0.01
+
+
+def test_too_few_or_one_sided_outcomes_are_refused():
+    with pytest.raises(ConfigError, match="needs 20 poses or more, good and bad ones, got 5"):
+        fit_confidence(np.zeros((5, 3)), np.array([0.0, 1, 0, 1, 0]))
+    with pytest.raises(ConfigError, match="good and bad ones"):
+        fit_confidence(np.zeros((30, 3)), np.ones(30))
+
+
+def test_margin_is_the_distance_to_the_second_pose_at_most_one():
+    assert confidence_features(hypotheses(0.5, 0.4), 100) == pytest.approx([np.log(0.5), np.log(1.25), np.log(100)])
+    assert confidence_features(hypotheses(0.5), 100)[1] == 1.0
+    assert confidence_features(hypotheses(0.5, 1e-9), 0)[1:] == pytest.approx([1.0, 0.0])
+
+
+def test_a_written_model_is_read_back(tmp_path):
+    model = Confidence(-1.0, (2.0, 0.5, 0.1))
+    write_confidence(model, {"made_by": "a test"}, tmp_path / "confidence.json")
+    assert read_confidence(tmp_path / "confidence.json") == model
