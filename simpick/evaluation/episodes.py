@@ -19,7 +19,7 @@ from simpick.evaluation.models import EvaluationModel
 from simpick.evaluation.perceptions import make_perception
 from simpick.evaluation.pose_errors import pose_error
 from simpick.evaluation.result_store import EpisodeResult
-from simpick.evaluation.run_config import RunConfig
+from simpick.evaluation.run_config import CellConfig, RunConfig
 from simpick.geometry import invert
 from simpick.policies import PickPolicy
 from simpick.policies.pick_policy import Decision
@@ -28,7 +28,7 @@ from simpick.records import InstanceTruth, PickOutcome, PickRecord
 from simpick.scene import BinConfig, SceneConfig
 
 
-def make_scene_config(config: RunConfig) -> SceneConfig:
+def make_scene_config(config: CellConfig) -> SceneConfig:
     """Return what stands in the cell.
 
     Raises:
@@ -45,7 +45,7 @@ def make_scene_config(config: RunConfig) -> SceneConfig:
     )
 
 
-def make_env(config: RunConfig) -> BinPickEnv:
+def make_env(config: CellConfig) -> BinPickEnv:
     """Return the environment that a configuration asks for."""
     return BinPickEnv(scene_config=make_scene_config(config), max_consecutive_failures=config.max_consecutive_failures)
 
@@ -61,7 +61,7 @@ def validate(config: RunConfig) -> None:
     env.close()
 
 
-def run_identity(config: RunConfig) -> dict[str, Any]:
+def run_identity(config: CellConfig) -> dict[str, Any]:
     """Return what the results of `config` depend on, for a `ResultStore`.
 
     Beside the settings these are the parts that the user brought: the file behind a name may change, and results of
@@ -145,7 +145,7 @@ def _run_episode(
         picks.append(pick)
     instances = tuple(instance.part.name for instance in env.scene.instances)
     timings_s["wall"] = time.perf_counter() - start
-    result = EpisodeResult(episode, seed, instances, tuple(picks), ended, timings_s)
+    result = EpisodeResult(episode, seed, instances, tuple(picks), ended, timings_s, config.mode)
     recorder.end_episode(result.summary())
     return result
 
@@ -186,7 +186,7 @@ def _abstention(decision: Decision) -> str:
 
 def episode_id(config: RunConfig, episode: int) -> str:
     """Return the name of an episode and of its recording."""
-    return f"{config.perception}_{config.gripper}_seed{config.seed + episode:04d}"
+    return f"{config.mode}_{config.gripper}_seed{config.seed + episode:04d}"
 
 
 def recording_file(folder: Path, config: RunConfig, episode: int) -> Path:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cache
 from importlib.metadata import entry_points
 
 import numpy as np
@@ -64,16 +64,18 @@ def make_perception(config: RunConfig, env: BinPickEnv, rng: np.random.Generator
     if config.perception == "oracle":
         noise = PoseNoise(config.noise_deg, config.noise_mm)
         return Perception("oracle", detector, OracleEstimator(env.truth, noise, noise_rng))
-    shared = config.perception in SHIPPED
-    estimator = _shared_estimator(config.perception) if shared else make_estimator(config.perception)
+    make = _shared_estimator if config.perception in SHIPPED else make_estimator
+    estimator = make(config.perception, config.hypotheses)
     return Perception(config.perception, detector, estimator)
 
 
-@lru_cache(maxsize=1)
-def _shared_estimator(name: str) -> PoseEstimator:
+@cache
+def _shared_estimator(name: str, hypotheses: int | None) -> PoseEstimator:
     """Return this process's one estimator of that name, so that parts are onboarded once and not once an episode.
+
+    All that were asked for are kept, because a comparison asks for each of its modes in turn, bin after bin.
 
     Only for shipped ones, which keep nothing between images but their onboarded parts: another package's may keep
     more, and an episode's results must not hang on the episodes before it.
     """
-    return make_estimator(name)
+    return make_estimator(name, hypotheses)
