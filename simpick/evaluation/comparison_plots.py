@@ -126,10 +126,10 @@ def errors_plot(comparison: Comparison) -> str:
                 errors = [abs(getattr(p.pose_error, key)) for r in paired[mode] for p in executed(r) if p.pose_error]
                 if errors:
                     style = "--" if parse_mode(mode).hypotheses else "-"
-                    # What is exact to a hundredth is shown there: zero has no place on a logarithmic axis.
-                    axis.ecdf(np.maximum(errors, 0.01), color=colours[mode], linewidth=2, linestyle=style)
+                    # Smaller errors are shown at a tenth: zero has no place on a logarithmic axis.
+                    axis.ecdf(np.maximum(errors, 0.1), color=colours[mode], linewidth=2, linestyle=style)
             axis.set_xscale("log")
-            axis.set(xlabel=label, xlim=(0.1, 200), ylim=(0, 1.02))
+            axis.set(xlabel=label, xlim=(0.09, 200), ylim=(0, 1.02))
             axis.set_xticks([0.1, 1, 10, 100], ["0.1", "1", "10", "100"])
             axis.grid(alpha=0.25)
         axes[0].set_ylabel("share of attempts")

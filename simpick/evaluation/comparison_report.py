@@ -16,7 +16,7 @@ from simpick.caching import atomic_write_bytes, atomic_write_text
 from simpick.errors import OutputError
 from simpick.evaluation.comparison import Comparison
 from simpick.evaluation.comparison_plots import PLOTS, mode_colours
-from simpick.evaluation.comparison_tables import DIFFERENCES, heading, number, with_interval
+from simpick.evaluation.comparison_tables import DIFFERENCES, heading, number
 from simpick.evaluation.failure_causes import FailureCause
 from simpick.evaluation.grasp_scores import PERCEPTION_STAGES
 from simpick.evaluation.modes import parse_mode
@@ -83,17 +83,20 @@ def answer(comparison: Comparison, statistics: PairedStatistics) -> list[str]:
     best = max(candidates, key=lambda mode: (measures[mode]["grasp_success"].value, measures[mode]["mpph"].value))
 
     def told(mode: str, key: str) -> str:
-        return escape(with_interval(measures[mode][key], _MEASURE[key]))
+        measure, interval = _MEASURE[key], measures[mode][key]
+        unit = f" {measure.unit}" if measure.unit else ""
+        bounds = f" ({number(interval.low, measure)} to {number(interval.high, measure)})"
+        return escape(f"{number(interval.value, measure)}{unit}{'' if interval.low != interval.low else bounds}")
 
-    who = "Of the modes that see only images, " if len(seeing) > 1 else ""
+    lead = f"Of the {len(seeing)} modes that see only images, " if len(seeing) > 1 else ""
     sentences = [
-        f"{who}<strong>{escape(best)}</strong> picks best: <strong>{told(best, 'grasp_success')} %</strong> of its "
-        f"grasps delivered a part, {told(best, 'clearance')} % of all parts were cleared, at "
-        f"<strong>{told(best, 'mpph')}</strong> picks an hour."
+        f"{lead}<strong>{escape(best)}</strong> {'picks best' if len(candidates) > 1 else 'was run'}: "
+        f"<strong>{told(best, 'grasp_success')}</strong> of its grasps delivered a part, {told(best, 'clearance')} of "
+        f"all parts were cleared, at <strong>{told(best, 'mpph')}</strong> picks an hour."
     ]
     if "oracle" in statistics.modes and best != "oracle":
         sentences.append(
-            f"With true poses (oracle) the same cell reaches {told('oracle', 'grasp_success')} % and "
+            f"With true poses (oracle) the same cell reaches {told('oracle', 'grasp_success')} and "
             f"{told('oracle', 'mpph')} picks an hour: what lies between is what perception costs."
         )
     for difference in statistics.differences:
@@ -135,7 +138,10 @@ def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 
 def _mode_cells(comparison: Comparison) -> list[str]:
     colours = mode_colours(comparison.modes)
-    return [f'<span class="dot" style="background:{colours[mode]}"></span>{escape(mode)}' for mode in comparison.modes]
+    return [
+        f'<span class="mode"><span class="dot" style="background:{colours[mode]}"></span>{escape(mode)}</span>'
+        for mode in comparison.modes
+    ]
 
 
 def _figures(comparison: Comparison, statistics: PairedStatistics) -> str:

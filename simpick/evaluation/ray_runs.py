@@ -47,7 +47,7 @@ def results_from_ray(
     ray = _connect(address)
     try:
         cores = int(ray.cluster_resources().get("CPU", 1))
-        actor_class = ray.remote(num_cpus=1, max_restarts=-1, max_task_retries=RETRIES)(EpisodeActor)
+        actor_class = ray.remote(num_cpus=1, max_restarts=RETRIES, max_task_retries=RETRIES)(EpisodeActor)
         idle = [actor_class.remote() for _ in range(min(cores, len(jobs)))]
         waiting, running = iter(jobs), {}
         while True:
