@@ -158,7 +158,7 @@ def test_ray_runs_the_same_episodes(whole: Path, tmp_path: Path) -> None:
         "--ray",
         "local",
     ]
-    run = subprocess.run([*command, "--out", str(tmp_path / "out")], capture_output=True, text=True, timeout=120)
+    run = subprocess.run([*command, "--out", str(tmp_path / "out")], capture_output=True, text=True, timeout=300)
     assert run.returncode == 0, run.stderr
     assert timeless(tmp_path / "out") == timeless(whole)[:4]
     assert len(list((tmp_path / "out").glob("*.rrd"))) == 4
