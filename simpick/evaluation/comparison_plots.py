@@ -6,6 +6,7 @@ import io
 from collections import Counter
 from collections.abc import Callable, Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
@@ -30,7 +31,7 @@ ERROR_EDGES = {
     "rotation_deg": (0.0, 1, 2, 5, 10, 20, 45, 180.1),
     "translation_mm": (0.0, 1, 2, 5, 10, 20, 40, np.inf),
 }
-_STYLE = {
+_STYLE: dict[Any, Any] = {
     "font.size": 10,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -51,7 +52,8 @@ def mode_colours(modes: Sequence[str]) -> dict[str, str]:
             hues[name] = HUES[(len(hues) - len(ORACLE_COLOURS)) % len(HUES)]
         white = min(0.35 * shades[name], 0.7)
         shades[name] += 1
-        colours[mode] = to_hex((1 - white) * np.array(to_rgb(hues[name])) + white)
+        red, green, blue = ((1 - white) * channel + white for channel in to_rgb(hues[name]))
+        colours[mode] = to_hex((red, green, blue))
     return colours
 
 
@@ -203,7 +205,7 @@ def _legend(figure: Figure, colours: Sequence[str], labels: Sequence[str]) -> No
 
 def _svg(name: str, draw: Callable[[Figure], None], size: tuple[float, float]) -> str:
     """Return a drawing as SVG, the same for the same data; `name` keeps its ids apart from other drawings'."""
-    with rc_context(_STYLE | {"svg.hashsalt": name}):
+    with rc_context({**_STYLE, "svg.hashsalt": name}):
         figure = Figure(figsize=size, layout="constrained")
         FigureCanvasSVG(figure)
         draw(figure)
