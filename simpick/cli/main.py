@@ -15,6 +15,7 @@ from typing import Annotated
 import tyro
 
 from simpick.cli.benchmark import Benchmark
+from simpick.cli.compare import Compare
 from simpick.cli.doctor import Doctor
 from simpick.cli.evaluate import Evaluate
 from simpick.cli.grasps import GraspsCommand
@@ -35,6 +36,7 @@ Command = (
     | Annotated[GraspsCommand, _configure(name="grasps")]
     | Annotated[Evaluate, _configure(name="evaluate")]
     | Annotated[Yardstick, _configure(name="yardstick")]
+    | Annotated[Compare, _configure(name="compare")]
     | Annotated[RefinerCommand, _configure(name="refiner")]
     | Annotated[Sweep, _configure(name="sweep")]
     | Annotated[Benchmark, _configure(name="benchmark")]

@@ -15,12 +15,11 @@ from simpick.assets.library import get_part, library_part_names
 from simpick.assets.part import Part
 from simpick.envs.bin_pick import BinPickEnv
 from simpick.envs.observations import frame_from_observation
-from simpick.estimators.oracle import OracleRefiner
 from simpick.evaluation.models import EvaluationModel
-from simpick.evaluation.perceptions import make_perception
+from simpick.evaluation.perceptions import make_perception, make_refiner
 from simpick.evaluation.pose_errors import pose_error
 from simpick.evaluation.result_store import EpisodeResult
-from simpick.evaluation.run_config import RunConfig
+from simpick.evaluation.run_config import CellConfig, RunConfig
 from simpick.geometry import invert
 from simpick.policies import PickPolicy
 from simpick.policies.pick_policy import Decision
@@ -29,7 +28,7 @@ from simpick.records import CameraFrame, InstanceTruth, PickOutcome, PickRecord
 from simpick.scene import BinConfig, SceneConfig
 
 
-def make_scene_config(config: RunConfig) -> SceneConfig:
+def make_scene_config(config: CellConfig) -> SceneConfig:
     """Return what stands in the cell.
 
     Raises:
@@ -46,7 +45,7 @@ def make_scene_config(config: RunConfig) -> SceneConfig:
     )
 
 
-def make_env(config: RunConfig) -> BinPickEnv:
+def make_env(config: CellConfig) -> BinPickEnv:
     """Return the environment that a configuration asks for."""
     return BinPickEnv(scene_config=make_scene_config(config), max_consecutive_failures=config.max_consecutive_failures)
 
@@ -62,7 +61,7 @@ def validate(config: RunConfig) -> None:
     env.close()
 
 
-def run_identity(config: RunConfig) -> dict[str, Any]:
+def run_identity(config: CellConfig) -> dict[str, Any]:
     """Return what the results of `config` depend on, for a `ResultStore`.
 
     Beside the settings these are the parts that the user brought: the file behind a name may change, and results of
@@ -79,7 +78,7 @@ def run_identity(config: RunConfig) -> dict[str, Any]:
 def make_policy(config: RunConfig, env: BinPickEnv, seed: int) -> PickPolicy:
     """Return the policy that a configuration asks for; what is random in its perception follows from `seed`."""
     perception = make_perception(config, env, np.random.default_rng([seed, 1]))
-    refiner = OracleRefiner(env.truth) if config.look_closer else None
+    refiner = make_refiner(config, env) if config.look_closer else None
     return PickPolicy(perception, env.parts, env.scene_config, look_closer=refiner)
 
 
@@ -151,7 +150,7 @@ def _run_episode(
         picks.append(pick)
     instances = tuple(instance.part.name for instance in env.scene.instances)
     timings_s["wall"] = time.perf_counter() - start
-    result = EpisodeResult(episode, seed, instances, tuple(picks), ended, timings_s)
+    result = EpisodeResult(episode, seed, instances, tuple(picks), ended, timings_s, config.mode)
     recorder.end_episode(result.summary())
     return result
 
@@ -205,7 +204,7 @@ def _abstention(decision: Decision) -> str:
 
 def episode_id(config: RunConfig, episode: int) -> str:
     """Return the name of an episode and of its recording."""
-    return f"{config.perception}_{config.gripper}_seed{config.seed + episode:04d}"
+    return f"{config.mode}_{config.gripper}_seed{config.seed + episode:04d}"
 
 
 def recording_file(folder: Path, config: RunConfig, episode: int) -> Path:

@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 from rich.console import Console
 from rich.table import Table
 
 from simpick.evaluation.episodes import run_identity, validate
 from simpick.evaluation.grasp_scores import GraspScores, score_grasps
+from simpick.evaluation.intervals import wilson_interval
 from simpick.evaluation.result_store import ResultStore
 from simpick.evaluation.run_config import RunConfig
 from simpick.evaluation.runs import run_episodes
@@ -39,15 +39,6 @@ def run_step(
     store = ResultStore(folder / f"{unit}_{noise:g}", run_identity(config), overwrite=overwrite)
     run_episodes(config, store, record=False, workers=workers, console=console)
     return NoiseStep(unit, noise, score_grasps(store.results))
-
-
-def wilson_interval(share: float, count: int, z: float = 1.96) -> tuple[float, float]:
-    """Return Wilson's score interval of a share seen in `count` trials (95 % by default)."""
-    if count == 0:
-        return 0.0, 1.0
-    centre = (share + z**2 / (2 * count)) / (1 + z**2 / count)
-    half = z / (1 + z**2 / count) * np.sqrt(share * (1 - share) / count + z**2 / (4 * count**2))
-    return max(0.0, centre - half), min(1.0, centre + half)
 
 
 def steps_table(steps: Sequence[NoiseStep]) -> Table:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import lru_cache, partial
+from functools import cache, partial
 from importlib.metadata import entry_points
 
 import numpy as np
@@ -11,8 +11,8 @@ import numpy as np
 from simpick.envs.bin_pick import BinPickEnv
 from simpick.envs.bin_pick_vector import BinPickVectorEnv
 from simpick.errors import ConfigError, UnknownNameError
-from simpick.estimators.base import PoseEstimator
-from simpick.estimators.oracle import OracleEstimator, PoseNoise
+from simpick.estimators.base import PoseEstimator, PoseRefiner
+from simpick.estimators.oracle import OracleEstimator, OracleRefiner, PoseNoise
 from simpick.estimators.segmentation_detector import SegmentationDetector
 from simpick.evaluation.run_config import RunConfig
 from simpick.policies import Perception
@@ -47,11 +47,18 @@ def _fine(hypotheses: int | None) -> PoseEstimator:
     return load_estimator("fine", RayPoseEstimatorConfig(hypotheses=hypotheses or 1))
 
 
+def _refined(hypotheses: int | None) -> PoseEstimator:
+    from simpick.estimators.refiner import RefinedEstimator
+
+    return RefinedEstimator(_fine(hypotheses), mode="refined")
+
+
 SHIPPED: dict[str, Callable[[int | None], PoseEstimator]] = {
     "retrieval": _retrieval,
     "retrieval_refined": _retrieval_refined,
     "coarse": _coarse,
     "fine": _fine,
+    "refined": _refined,
 }
 """Estimators that work from images alone and come with simpick; made for this many hypotheses, or their own number."""
 
@@ -111,16 +118,30 @@ def _perception(
     if config.perception == "oracle":
         noise = PoseNoise(config.noise_deg, config.noise_mm)
         return Perception("oracle", detector, OracleEstimator(truth, noise, noise_rng))
-    shared = config.perception in SHIPPED
-    estimator = _shared_estimator(config.perception) if shared else make_estimator(config.perception)
+    make = _shared_estimator if config.perception in SHIPPED else make_estimator
+    estimator = make(config.perception, config.hypotheses)
     return Perception(config.perception, detector, estimator)
 
 
-@lru_cache(maxsize=1)
-def _shared_estimator(name: str) -> PoseEstimator:
+def make_refiner(config: RunConfig, env: BinPickEnv) -> PoseRefiner:
+    """Return who corrects poses by a second look: the truth for the oracle, else this process's one refiner."""
+    return OracleRefiner(env.truth) if config.perception == "oracle" else _shared_refiner()
+
+
+@cache
+def _shared_refiner() -> PoseRefiner:
+    from simpick.estimators.refiner import Refiner
+
+    return Refiner()
+
+
+@cache
+def _shared_estimator(name: str, hypotheses: int | None) -> PoseEstimator:
     """Return this process's one estimator of that name, so that parts are onboarded once and not once an episode.
+
+    All that were asked for are kept, because a comparison asks for each of its modes in turn, bin after bin.
 
     Only for shipped ones, which keep nothing between images but their onboarded parts: another package's may keep
     more, and an episode's results must not hang on the episodes before it.
     """
-    return make_estimator(name)
+    return make_estimator(name, hypotheses)

@@ -29,6 +29,13 @@ class EpisodeResult:
     """Why the episode ended: ``cleared``, ``consecutive_failures``, ``max_picks`` or ``simulation_fault``."""
     timings_s: dict[str, float] = dataclasses.field(default_factory=dict)
     """Wall-clock seconds of the whole episode (``wall``) and of making the scene (``reset``)."""
+    mode: str = ""
+    """Full name of the perception mode that picked, such as ``retrieval@8``; see `RunConfig.mode`."""
+
+    @property
+    def key(self) -> tuple[int, str]:
+        """Return what tells this result from the others in one folder: bin and perception mode."""
+        return self.episode, self.mode
 
     @property
     def delivered(self) -> int:
@@ -59,7 +66,8 @@ class EpisodeResult:
     def from_json(line: dict[str, Any]) -> EpisodeResult:
         """Return the result that `to_json` wrote."""
         picks = tuple(pick_from_json(pick) for pick in line["picks"])
-        return EpisodeResult(**{**line, "instances": tuple(line["instances"]), "picks": picks})
+        # Lines of versions that knew no modes lack theirs: they are refused, for their mode is anybody's guess.
+        return EpisodeResult(**{**line, "instances": tuple(line["instances"]), "picks": picks, "mode": line["mode"]})
 
 
 def pick_from_json(pick: dict[str, Any]) -> PickRecord:
@@ -81,21 +89,24 @@ def pick_from_json(pick: dict[str, Any]) -> PickRecord:
 class ResultStore:
     """A folder of results that belongs to one configuration.
 
-    ``config.json`` names the configuration; ``results.jsonl`` holds the finished episodes in order and is replaced
+    A JSON file names the configuration; ``results.jsonl`` holds the finished episodes in order and is replaced
     atomically after each, so that a kill at any moment loses no finished episode.
     """
 
-    def __init__(self, folder: Path, config: dict[str, Any], *, overwrite: bool = False) -> None:
+    def __init__(
+        self, folder: Path, config: dict[str, Any], *, overwrite: bool = False, config_file: str = CONFIG_FILE
+    ) -> None:
         """Open `folder`, made if missing.
 
-        More episodes of the same configuration go on with those that are there.
+        More ``episodes`` or more ``modes`` of the same configuration go on with those that are there.
 
         Raises:
             OutputError: the folder cannot be written, holds other files, or holds results of another configuration.
         """
         self.folder = folder
+        self._config_file = folder / config_file
         self._config = json.loads(json.dumps(config))
-        self._results: dict[int, EpisodeResult] = {}
+        self._results: dict[tuple[int, str], EpisodeResult] = {}
         try:
             folder.mkdir(parents=True, exist_ok=True)
             if overwrite:
@@ -111,7 +122,7 @@ class ResultStore:
             ) from error
 
     def _open(self, *, strangers_allowed: bool) -> None:
-        config_file = self.folder / CONFIG_FILE
+        config_file = self._config_file
         if not config_file.exists():
             strangers = sorted(f.name for f in self.folder.iterdir())
             if strangers and not strangers_allowed:
@@ -123,7 +134,7 @@ class ResultStore:
             return
         previous = _read_config(config_file)
         differing = sorted(k for k in previous.keys() | self._config.keys() if previous.get(k) != self._config.get(k))
-        if differing == ["episodes"] and previous.get("episodes", 0) < self._config.get("episodes", 0):
+        if differing and all(_has_grown(key, previous.get(key), self._config.get(key)) for key in differing):
             atomic_write_text(config_file, json.dumps(self._config, indent=2) + "\n")
             differing = []
         if differing:
@@ -135,26 +146,49 @@ class ResultStore:
         results_file = self.folder / RESULTS_FILE
         if results_file.exists():
             for result in read_results(results_file):
-                self._results[result.episode] = result
+                self._results[result.key] = result
 
     def _remove_own_files(self) -> None:
-        for pattern in (CONFIG_FILE, RESULTS_FILE, "*.rrd", "*.rrd.partial"):
+        for pattern in (self._config_file.name, RESULTS_FILE, "*.rrd", "*.rrd.partial"):
             for file in self.folder.glob(pattern):
                 file.unlink()
 
     @property
     def results(self) -> tuple[EpisodeResult, ...]:
-        """Return the finished episodes in order."""
-        return tuple(self._results[k] for k in sorted(self._results))
+        """Return the finished episodes in order, those of one bin by the name of their mode."""
+        return _in_order(self._results)
 
-    def __contains__(self, episode: int) -> bool:
-        return episode in self._results
+    def __contains__(self, key: tuple[int, str]) -> bool:
+        return key in self._results
 
     def add(self, result: EpisodeResult) -> None:
-        """Keep a finished episode, on disk before this returns."""
-        self._results[result.episode] = result
-        lines = [json.dumps(r.to_json()) + "\n" for r in self.results]
-        atomic_write_text(self.folder / RESULTS_FILE, "".join(lines))
+        """Keep a finished episode, on disk before this returns.
+
+        Raises:
+            OutputError: the disk is full or gone; what was kept before stays.
+        """
+        results = self._results | {result.key: result}
+        lines = [json.dumps(r.to_json()) + "\n" for r in _in_order(results)]
+        try:
+            atomic_write_text(self.folder / RESULTS_FILE, "".join(lines))
+        except OSError as error:
+            raise OutputError(
+                f"episode {result.episode} of {result.mode} could not be written to {self.folder}: "
+                f"{error.strerror or error}. The {len(self._results)} episodes finished before it are kept: make room "
+                "and run the same command again to go on"
+            ) from error
+        self._results = results
+
+
+def _in_order(results: dict[tuple[int, str], EpisodeResult]) -> tuple[EpisodeResult, ...]:
+    return tuple(results[key] for key in sorted(results))
+
+
+def _has_grown(key: str, before: Any, now: Any) -> bool:
+    """Return whether a setting may differ because there is only more to do: episodes or modes."""
+    if key == "episodes":
+        return before is not None and before < now
+    return key == "modes" and before is not None and set(before) < set(now)
 
 
 def _read_config(file: Path) -> dict[str, Any]:

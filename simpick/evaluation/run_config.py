@@ -13,8 +13,11 @@ SHORTEST_MM, LONGEST_MM = 50.0, 1000.0
 
 
 @dataclass(frozen=True)
-class RunConfig:
-    """Bins, gripper and perception of a run. Episode k uses seed ``seed + k``; nothing else is random."""
+class CellConfig:
+    """Bins, gripper and detections: what does not depend on who estimates poses.
+
+    Episode k uses seed ``seed + k``; nothing else is random.
+    """
 
     episodes: int = 1
     """How many bins to pick."""
@@ -30,15 +33,6 @@ class RunConfig:
     """Which arm picks: ur5e."""
     bin_mm: tuple[float, float, float] = (400.0, 300.0, 120.0)
     """Inner length (across the arm's reach), width and depth of the bin, in millimetres."""
-    perception: str = "oracle"
-    """Who estimates poses: oracle (the truth), retrieval, or a name that another package registers."""
-    noise_deg: float = 0.0
-    """Oracle only: median rotation error added to the true poses, in degrees."""
-    noise_mm: float = 0.0
-    """Oracle only: median translation error added to the true poses, in millimetres."""
-    look_closer: bool = False
-    """Oracle only: look again through the wrist camera before descending, and correct the grasp by the true pose: what
-    an ideal refiner would give."""
     detections: Literal["perfect", "realistic"] = "perfect"
     """How well parts are segmented in the image before their poses are estimated."""
     randomization: str = "default"
@@ -58,12 +52,42 @@ class RunConfig:
             )
         if self.max_consecutive_failures < 1:
             raise ConfigError(f"max_consecutive_failures must be 1 or more, got {self.max_consecutive_failures}")
-        if self.perception != "oracle" and (self.noise_deg or self.noise_mm):
-            raise ConfigError(f"noise_deg and noise_mm are for perception 'oracle', got perception {self.perception!r}")
-
-        if self.perception != "oracle" and self.look_closer:
-            raise ConfigError(f"look_closer is for perception 'oracle', got perception {self.perception!r}")
 
     def to_json(self) -> dict[str, Any]:
         """Return a JSON object that names the run."""
         return dataclasses.asdict(self)
+
+
+@dataclass(frozen=True)
+class RunConfig(CellConfig):
+    """A cell and the perception that it is picked with."""
+
+    perception: str = "oracle"
+    """Who estimates poses: oracle (the truth), retrieval, retrieval_refined, coarse, fine, refined, or one that another
+    package registers."""
+    hypotheses: int | None = None
+    """Ask the estimator for this many hypotheses a part instead of its own number; the oracle has none."""
+    noise_deg: float = 0.0
+    """Oracle only: median rotation error added to the true poses, in degrees."""
+    noise_mm: float = 0.0
+    """Oracle only: median translation error added to the true poses, in millimetres."""
+    look_closer: bool = False
+    """Look again through the wrist camera before descending, and correct the grasp by what the refiner sees; with the
+    oracle by the true pose, which is what an ideal refiner would give."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.perception != "oracle" and (self.noise_deg or self.noise_mm):
+            raise ConfigError(f"noise_deg and noise_mm are for perception 'oracle', got perception {self.perception!r}")
+        if self.hypotheses is not None and self.hypotheses < 1:
+            raise ConfigError(f"hypotheses must be 1 or more, got {self.hypotheses}")
+        if self.perception == "oracle" and self.hypotheses is not None:
+            raise ConfigError(
+                f"hypotheses are for perceptions that estimate, the oracle knows one pose; got {self.hypotheses}"
+            )
+
+    @property
+    def mode(self) -> str:
+        """Return the perception mode's full name: ``oracle``, ``oracle_noise``, ``retrieval``, ``retrieval@8``."""
+        name = "oracle_noise" if self.noise_deg or self.noise_mm else self.perception
+        return name if self.hypotheses is None else f"{name}@{self.hypotheses}"

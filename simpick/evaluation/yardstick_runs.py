@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-import multiprocessing
-import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, partial
@@ -29,6 +26,7 @@ from simpick.evaluation.pose_evaluation import (
 from simpick.evaluation.pose_images import PoseModel
 from simpick.evaluation.pose_sources import EstimatorSource, PoseSource, make_source
 from simpick.evaluation.summaries import PoseSummary
+from simpick.evaluation.worker_pool import spawned_pool
 from simpick.evaluation.yardstick import YardstickBin, fingerprint, load_view, view_path, yardstick_bins
 
 BEST_OF = (1, 5, 50)
@@ -198,18 +196,11 @@ def _mapped(
     if workers == 1 or len(bins) < 2:
         yield map(job, bins)
         return
-    # Spawned, because a forked child would share its parent's OpenGL context.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_share_cores, initargs=(workers,)) as pool:
+    with spawned_pool(workers) as pool:
         try:
             yield pool.map(job, bins)
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
-
-
-def _share_cores(workers: int) -> None:
-    """Keep libraries that are loaded later, such as torch, to this worker's share of the cores."""
-    os.environ.setdefault("OMP_NUM_THREADS", str(max(1, (os.cpu_count() or 1) // workers)))
 
 
 def _progress(results: Iterable[_Result], description: str, total: int, console: Console | None) -> list[_Result]:

@@ -9,6 +9,7 @@ from simpick.cli.main import main
     ("command", "options"),
     [
         (("run",), ("--episodes", "--seed", "--parts", "--count", "--gripper", "--perception", "--record", "--out")),
+        (("compare",), ("--episodes", "--noise-deg", "--record", "--ray", "--out")),
         (("sweep",), ("--levels-mm", "--levels-deg", "--workers")),
         (("parts", "show"), ("--out", "--columns")),
         (("parts", "add"), ("--unit", "--density")),

@@ -96,6 +96,11 @@ def test_a_stopped_run_goes_on_and_ends_the_same(recorded: list[Path], tmp_path:
         (("--bin-mm", "60", "60", "60", "--parts", "connecting_rod"), "connecting_rod"),
         (("--bin-mm", "0.4", "0.3", "0.12"), "simpick: bin_mm must be between 50 and 1000 millimetres a side, got 0.4"),
         (("--perception", "retrieval", "--noise-mm", "1"), "simpick: noise_deg and noise_mm are for perception"),
+        (
+            ("--hypotheses", "4"),
+            "simpick: hypotheses are for perceptions that estimate, the oracle knows one pose; got 4",
+        ),
+        (("--perception", "retrieval", "--hypotheses", "0"), "simpick: hypotheses must be 1 or more, got 0"),
         (("--workers", "0"), "workers must be 1 or more, got 0"),
     ],
 )

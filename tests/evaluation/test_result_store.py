@@ -40,7 +40,7 @@ def test_results_come_back_as_they_were(tmp_path: Path) -> None:
     store.add(make_result(0))
     again = ResultStore(tmp_path / "run", CONFIG)
     assert again.results == (make_result(0), make_result(1))
-    assert 0 in again and 2 not in again
+    assert (0, "") in again and (2, "") not in again
 
 
 def test_lines_stand_in_episode_order(tmp_path: Path) -> None:
@@ -48,6 +48,14 @@ def test_lines_stand_in_episode_order(tmp_path: Path) -> None:
     for episode in (2, 0, 1):
         store.add(make_result(episode))
     assert [r.episode for r in read_results(tmp_path / "results.jsonl")] == [0, 1, 2]
+
+
+def test_a_line_of_a_version_without_modes_is_refused(tmp_path: Path) -> None:
+    line = make_result().to_json()
+    line.pop("mode")
+    (tmp_path / "results.jsonl").write_text(json.dumps(line) + "\n")
+    with pytest.raises(OutputError, match=r"line 1, is not an episode of this version of simpick \('mode'\)"):
+        read_results(tmp_path / "results.jsonl")
 
 
 def test_without_timings_nothing_depends_on_the_clock() -> None:

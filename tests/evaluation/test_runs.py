@@ -18,17 +18,17 @@ CONFIG = RunConfig(episodes=8)
 @pytest.fixture
 def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ResultStore:
     """An empty store; workers are threads, which start at once."""
-    monkeypatch.setattr(runs, "ProcessPoolExecutor", lambda workers, mp_context: ThreadPoolExecutor(workers))
+    monkeypatch.setattr(runs, "spawned_pool", ThreadPoolExecutor)
     return ResultStore(tmp_path / "run", CONFIG.to_json())
 
 
 def test_all_episodes_are_run_once(store: ResultStore, monkeypatch: pytest.MonkeyPatch) -> None:
-    store.add(EpisodeResult(3, 3, (), (), "cleared"))
+    store.add(EpisodeResult(3, 3, (), (), "cleared", mode="oracle"))
     run: list[int] = []
 
     def episode(config: RunConfig, number: int, folder: Path | None) -> EpisodeResult:
         run.append(number)
-        return EpisodeResult(number, number, (), (), "cleared")
+        return EpisodeResult(number, number, (), (), "cleared", mode="oracle")
 
     monkeypatch.setattr(runs, "run_recorded", episode)
     runs.run_episodes(CONFIG, store, record=False, workers=3)
@@ -56,5 +56,8 @@ def test_a_killed_worker_is_explained(store: ResultStore, monkeypatch: pytest.Mo
         raise BrokenProcessPool("A process in the process pool was terminated abruptly")
 
     monkeypatch.setattr(runs, "run_recorded", killed)
-    with pytest.raises(SimpickError, match=r"worker process was killed.*run the same command again, with fewer"):
+    with pytest.raises(
+        SimpickError,
+        match=r"worker process was killed.*Lost: episode 0 of oracle, .*run the same command again, with fewer",
+    ):
         runs.run_episodes(CONFIG, store, record=False, workers=2)

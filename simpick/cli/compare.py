@@ -1,0 +1,57 @@
+"""``simpick compare``: which perception mode picks these parts, how well, how fast, and why does the rest fail?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import tyro
+
+from simpick.evaluation.compare_config import CompareConfig
+
+
+@dataclass(frozen=True)
+class Compare:
+    """Let perception modes pick the same bins, and tell them apart: a table, a report, results and recordings.
+
+    Running the same command again goes on where it was stopped, also with more episodes or more modes.
+    """
+
+    config: tyro.conf.OmitArgPrefixes[CompareConfig] = field(default_factory=CompareConfig)
+    """What to compare."""
+    out: Path = Path("logs/compare")
+    """Folder for compare.json, results.jsonl, report.html, the plots and the recordings."""
+    record: bool = False
+    """Write one rerun recording for each mode and bin."""
+    overwrite: bool = False
+    """Replace results that are in `out` already, instead of going on with them."""
+    workers: int = 1
+    """Episodes to run at the same time, each in a process of its own; perception's times suffer from it."""
+    ray: str | None = None
+    """Run the episodes on the Ray cluster at this address instead: HOST:PORT, auto, or local for this machine."""
+
+    def run(self) -> int:
+        """Run what is missing, print the tables and write the report, also of a run that stops half-way."""
+        from rich.console import Console
+
+        from simpick.cli.parts import describe_files
+        from simpick.errors import ConfigError
+        from simpick.evaluation.comparison import Comparison
+        from simpick.evaluation.comparison_report import write_report
+        from simpick.evaluation.comparison_tables import differences_table, modes_table
+        from simpick.evaluation.runs import check_workers
+
+        check_workers(self.workers)
+        if self.ray is not None and self.workers != 1:
+            raise ConfigError(f"workers are for this machine, a Ray cluster has its own; got {self.workers} with --ray")
+        comparison = Comparison.open(self.config, self.out, overwrite=self.overwrite)
+        console = Console()
+        for line in describe_files(self.config.parts):
+            console.print(line, soft_wrap=True)
+        comparison.run(record=self.record, workers=self.workers, ray_address=self.ray, console=console)
+        statistics = comparison.statistics()
+        console.print(modes_table(statistics))
+        if statistics.differences:
+            console.print(differences_table(statistics))
+        console.print(f"report: {write_report(comparison)}", soft_wrap=True)
+        return 0
