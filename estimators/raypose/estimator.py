@@ -19,23 +19,22 @@ from simpick.estimators.answerable import answerable
 from simpick.estimators.base import PoseEstimator
 from simpick.estimators.pose_clusters import cluster_hypotheses
 from simpick.estimators.raypose.checkpoints import load_checkpoint, shipped_checkpoint
-from simpick.estimators.raypose.inference import combine_views, disagreement_rad, sample_views
-from simpick.estimators.raypose.model import QueryInputs, QueryTokens, RayPose, TemplateTokens
+from simpick.estimators.raypose.inference import agreement, combine_views, sample_views
+from simpick.estimators.raypose.model import QueryTokens, RayPose, TemplateTokens
 from simpick.estimators.raypose.pose_maps import ViewPoses
+from simpick.estimators.raypose.query_crops import QueryCrops, crop_queries
 from simpick.estimators.raypose.schedule import make_schedule
 from simpick.estimators.raypose.template_bank import TemplateBank
-from simpick.geometry import VirtualCameras, crop_images, transform
 from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
 from simpick.rendering import load_templates
-
-_DISAGREEMENT_RAD = np.radians(20.0)
-"""Disagreement of the templates at which a score falls to 1/e."""
 
 
 @dataclass(frozen=True)
 class RayPoseEstimatorConfig:
     """How the network is used."""
 
+    turns: int = 12
+    """Coarse only: turns of a detection about the optical axis in which it is compared with the upright templates."""
     iterations: int = 1
     """Fine only: how often templates are drawn around the estimate and a new one made."""
     steps: int = 3
@@ -52,7 +51,7 @@ class RayPoseEstimatorConfig:
     """Of the part: how close hypotheses are that are one."""
 
     def __post_init__(self) -> None:
-        for name in ("iterations", "steps", "hypotheses", "min_mask_px"):
+        for name in ("turns", "iterations", "steps", "hypotheses", "min_mask_px"):
             if getattr(self, name) < 1:
                 raise ConfigError(f"{name} must be 1 or more, got {getattr(self, name)}")
         if self.hypotheses > 64:
@@ -126,25 +125,18 @@ class RayPoseEstimator:
         if not found:
             return []
         kept, masks, boxes = (list(column) for column in zip(*found, strict=True))
-        network = self.model.config
-        crops = crop_images(
-            frame.rgb, frame.camera, np.stack(boxes), network.crop_px, masks=masks, padding=network.padding
-        )
-        assert crops.masks is not None
-        half_tangent = crops.cameras.size_px / 2 / crops.cameras.focal_px
+        turns = 1 if starts is not None else self.config.turns
+        crops = crop_queries(frame, masks, np.stack(boxes), self.model.config, turns=turns)
         answers: dict[int, list[PoseHypothesis]] = {}
         with torch.inference_mode():
-            queries = self.model.encode_query(
-                QueryInputs(
-                    torch.from_numpy(crops.rgb).permute(0, 3, 1, 2).float() / 255,
-                    torch.from_numpy(crops.masks).float(),
-                    torch.tensor(half_tangent, dtype=torch.float32),
-                )
-            )
+            queries = self.model.encode_query(crops.inputs)
             for part in dict.fromkeys(d.part for d in kept):
                 rows = [i for i, d in enumerate(kept) if d.part == part]
-                chosen = None if starts is None else [starts[id(kept[i])] for i in rows]
-                answers.update(zip(rows, self._answer(part, queries, rows, crops.cameras, chosen), strict=True))
+                if starts is None:
+                    guesses = self._coarse(part, crops, queries, rows, turns)
+                else:
+                    guesses = self._fine(part, crops, queries, rows, [starts[id(kept[i])] for i in rows])
+                answers.update((i, self._ranked(part, guesses, i)) for i in rows)
         elapsed_s = (time.perf_counter() - begin) / len(kept)
         return [
             PoseEstimate(d.part, best[0].T_camera_part, best[0].score, self.mode, elapsed_s, tuple(best), detection=d)
@@ -161,64 +153,69 @@ class RayPoseEstimator:
             starts[id(estimate.detection)] = [h.T_camera_part for h in own[: self.config.hypotheses]]
         return starts
 
-    def _answer(
-        self,
-        part: str,
-        queries: QueryTokens,
-        rows: list[int],
-        cameras: VirtualCameras,
-        starts: list[list[np.ndarray]] | None,
-    ) -> list[list[PoseHypothesis]]:
-        """Return the hypotheses of these detections of one part, best first."""
+    def _fine(
+        self, part: str, crops: QueryCrops, queries: QueryTokens, rows: list[int], starts: list[list[np.ndarray]]
+    ) -> _Guesses:
+        """Return a guess for each start: templates around it, an answer, templates around that, and so on."""
         bank = self._banks[part][1]
-        if starts is None:
-            query = np.array(rows)
-            views, likeness = self._sample(queries, query, _repeated(bank.over_sphere(), len(rows)))
-        else:
-            query = np.repeat(rows, [len(own) for own in starts])
-            Ts = cameras.Ts_crop_camera[query] @ np.stack([T for own in starts for T in own])
-            for _ in range(self.config.iterations):
-                views, likeness = self._sample(queries, query, bank.around(Ts))
-                Ts = _poses(combine_views(views), cameras, query)
-        pose = combine_views(views)
-        score = (likeness * torch.exp(-disagreement_rad(views, pose) / _DISAGREEMENT_RAD)).numpy()
-        if starts is None and self.config.hypotheses > 1:
-            # Every template's own answer is a hypothesis beside the mean of all, which stays the best.
-            count = views.reach_m.shape[1]
-            Ts = np.concatenate([_poses(pose, cameras, query)[:, None], _each(views, cameras, query)], axis=1)
-            scores = np.concatenate([score[:, None], np.tile(0.99 * score[:, None], (1, count))], axis=1)
-            pairs = [list(zip(own, values, strict=True)) for own, values in zip(Ts, scores, strict=True)]
-        else:
-            Ts = _poses(pose, cameras, query)
-            pairs = [[(Ts[k], score[k]) for k in np.flatnonzero(query == row)] for row in rows]
-        return [self._ranked(part, own, cameras, row) for own, row in zip(pairs, rows, strict=True)]
+        query = np.repeat(rows, [len(own) for own in starts])
+        Ts_camera_part = np.stack([T for own in starts for T in own])
+        scores = np.zeros(len(query))
+        for _ in range(self.config.iterations):
+            templates = bank.around(crops.poses_in_crops(query, Ts_camera_part))
+            views, scores = self._sample(queries, query, templates)
+            Ts_camera_part = crops.poses_in_camera(query, combine_views(views))
+        return _Guesses(query, Ts_camera_part, scores)
+
+    def _coarse(self, part: str, crops: QueryCrops, queries: QueryTokens, rows: list[int], turns: int) -> _Guesses:
+        """Return a guess for each of the turns whose matches agree best on a pose."""
+        sphere = self._banks[part][1].over_sphere()
+        turned = (np.array(rows)[:, None] * turns + np.arange(turns)).ravel()
+        if turns > 1:
+            agreed = self.model.first_support(_some(queries, turned), _repeated(sphere, len(turned)))
+            keep = min(turns, max(2, self.config.hypotheses))
+            best = agreed.reshape(len(rows), turns).topk(keep, dim=1).indices.numpy()
+            turned = (np.array(rows)[:, None] * turns + best).ravel()
+        views, scores = self._sample(queries, turned, _repeated(sphere, len(turned)))
+        return _Guesses(turned // turns, crops.poses_in_camera(turned, combine_views(views)), scores)
 
     def _sample(
-        self, queries: QueryTokens, query: np.ndarray, templates: TemplateTokens
-    ) -> tuple[ViewPoses, Float[torch.Tensor, "n"]]:
-        own = QueryTokens(*(getattr(queries, field.name)[query] for field in dataclasses.fields(queries)))
+        self, queries: QueryTokens, rows: np.ndarray, templates: TemplateTokens
+    ) -> tuple[ViewPoses, Float[np.ndarray, "n"]]:
+        """Return every template's answer for these queries, and the score of their mean, in [0, 1]."""
+        own = _some(queries, rows)
         conditioning = self.model.condition(own, templates)
         generator = torch.Generator().manual_seed(self.config.seed)
         views = sample_views(self.model, conditioning, self._schedule, self.config.steps, generator)
-        if conditioning.matches is None:
-            return views, torch.ones(len(query))
-        matched = conditioning.matches.likeness.unflatten(0, (len(query), -1)).mean(dim=1)
-        weight = own.coverage / own.coverage.sum(dim=1, keepdim=True).clamp_min(1e-6)
-        return views, (matched * weight).sum(dim=1).clamp(0, 1)
+        if conditioning.matches is None or not self.model.config.multiview:
+            # Without matches, templates' agreement is all there is to go by.
+            return views, agreement(views).numpy()
+        pose = combine_views(views)
+        single = ViewPoses(pose.R[:, None], pose.centre[:, None], pose.reach_m[:, None])
+        return views, self.model.support(own, conditioning.matches, single, templates.diameter_m)[:, 0].numpy()
 
-    def _ranked(
-        self, part: str, pairs: list[tuple[np.ndarray, float]], cameras: VirtualCameras, row: int
-    ) -> list[PoseHypothesis]:
-        T_camera_crop = transform(cameras.Rs_crop_camera[row].T)
-        hypotheses = [PoseHypothesis(T_camera_crop @ T, float(score)) for T, score in pairs]
+    def _ranked(self, part: str, guesses: _Guesses, row: int) -> list[PoseHypothesis]:
+        """Return one detection's guesses without near-identical ones, best first."""
         clusters = cluster_hypotheses(
-            hypotheses,
+            [
+                PoseHypothesis(guesses.Ts_camera_part[k], float(guesses.scores[k]))
+                for k in np.flatnonzero(guesses.rows == row)
+            ],
             self._parts[part].symmetries,
             self._parts[part].diameter_m,
             rotation_deg=self.config.cluster_deg,
             translation_diameters=self.config.cluster_diameters,
         )
         return [cluster.best for cluster in clusters][: self.config.hypotheses]
+
+
+@dataclass(frozen=True, eq=False)
+class _Guesses:
+    """Poses of detections, any number each."""
+
+    rows: np.ndarray
+    Ts_camera_part: Float[np.ndarray, "n 4 4"]
+    scores: Float[np.ndarray, "n"]
 
 
 def load_estimator(
@@ -251,17 +248,8 @@ def load_estimator(
     return RayPoseEstimator(model, config, start=start)
 
 
-def _poses(pose: ViewPoses, cameras: VirtualCameras, query: np.ndarray) -> Float[np.ndarray, "n 4 4"]:
-    """Return T_crop_part in the virtual cameras of these detections."""
-    half_tangent = torch.tensor(cameras.size_px / 2 / cameras.focal_px[query], dtype=torch.float64)
-    exact = ViewPoses(pose.R.double(), pose.centre.double(), pose.reach_m.double())
-    return exact.pose(half_tangent).numpy()
-
-
-def _each(views: ViewPoses, cameras: VirtualCameras, query: np.ndarray) -> Float[np.ndarray, "n views 4 4"]:
-    count = views.reach_m.shape[1]
-    flat = ViewPoses(views.R.flatten(0, 1), views.centre.flatten(0, 1), views.reach_m.flatten())
-    return _poses(flat, cameras, np.repeat(query, count)).reshape(len(query), count, 4, 4)
+def _some(queries: QueryTokens, rows: np.ndarray) -> QueryTokens:
+    return QueryTokens(*(getattr(queries, field.name)[torch.from_numpy(rows)] for field in dataclasses.fields(queries)))
 
 
 def _repeated(templates: TemplateTokens, count: int) -> TemplateTokens:

@@ -12,6 +12,9 @@ from simpick.estimators.raypose.sampler import sample
 from simpick.estimators.raypose.schedule import Schedule
 from simpick.geometry.torch_rotations import project_to_so3
 
+_AGREEING_RAD = 0.17
+"""Two views of this angle between their answers count as agreeing to 60 %: ten degrees."""
+
 
 def sample_views(
     model: RayPose, conditioning: Conditioning, schedule: Schedule, steps: int, generator: torch.Generator
@@ -25,21 +28,21 @@ def sample_views(
     return decode_pose_maps(maps.float(), reference, config.padding)
 
 
-def combine_views(views: ViewPoses, keep: float = 0.75) -> ViewPoses:
-    """Return one pose for each query: the mean over the share `keep` of views nearest to the mean of all."""
-    count = max(1, round(keep * views.reach_m.shape[1]))
-    R_mean = project_to_so3(views.R.mean(dim=1))
-    agreement = torch.einsum("bkij,bij->bk", views.R, R_mean)
-    kept = agreement.topk(count, dim=1).indices
+def combine_views(views: ViewPoses) -> ViewPoses:
+    """Return one pose for each query: the mean of the views that agree with the one that most agree with."""
+    cosine = (torch.einsum("baij,bcij->bac", views.R, views.R) - 1) / 2
+    angle = cosine.clamp(-1, 1).acos()
+    agreement = torch.exp(-angle.square() / (2 * _AGREEING_RAD**2))  # (batch, views, views)
+    centre_of = agreement.sum(dim=-1).argmax(dim=-1)
+    weight = agreement[torch.arange(len(centre_of)), centre_of]  # (batch, views)
+    weight = weight / weight.sum(dim=1, keepdim=True)
+    R = project_to_so3(torch.einsum("bk,bkij->bij", weight, views.R))
+    centre = torch.einsum("bk,bki->bi", weight, views.centre)
+    return ViewPoses(R, centre, (weight * views.reach_m.log()).sum(dim=1).exp())
 
-    def mean(x: Float[Tensor, "batch views *rest"]) -> Float[Tensor, "batch *rest"]:
-        index = kept.view(*kept.shape, *([1] * (x.ndim - 2))).expand(*kept.shape, *x.shape[2:])
-        return torch.gather(x, 1, index).mean(dim=1)
 
-    return ViewPoses(project_to_so3(mean(views.R)), mean(views.centre), mean(views.reach_m.log()).exp())
-
-
-def disagreement_rad(views: ViewPoses, pose: ViewPoses) -> Float[Tensor, "batch"]:
-    """Return the mean angle between the views' rotations and the pose."""
-    cosine = (torch.einsum("bkij,bij->bk", views.R, pose.R) - 1) / 2
-    return cosine.clamp(-1, 1).acos().mean(dim=1)
+def agreement(views: ViewPoses) -> Float[Tensor, "batch"]:
+    """Return how far the views' answers agree, in (0, 1]: 1 if all are the same."""
+    R = combine_views(views).R
+    cosine = (torch.einsum("bkij,bij->bk", views.R, R) - 1) / 2
+    return torch.exp(-cosine.clamp(-1, 1).acos().mean(dim=1) / (2 * _AGREEING_RAD))

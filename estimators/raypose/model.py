@@ -16,7 +16,7 @@ from simpick.estimators.raypose.image_encoder import make_image_encoder
 from simpick.estimators.raypose.layers import KeysValues, SelfAttentionBlock, mlp
 from simpick.estimators.raypose.matching import FEATURES, Matcher, Matches
 from simpick.estimators.raypose.pose_maps import CHANNELS, ViewPoses, cell_centres, encode_pose_maps
-from simpick.estimators.raypose.pose_solver import SolvedPoses, solve_poses
+from simpick.estimators.raypose.pose_solver import SolvedPoses, solve_poses, support
 from simpick.estimators.raypose.view_encoder import ViewEncoder
 
 
@@ -166,6 +166,23 @@ class RayPose(nn.Module):
         if not self.config.multiview:
             noisy, log_snr = noisy.flatten(0, 1)[:, None], log_snr.repeat_interleave(shape[1])
         return self.decoder(noisy, log_snr, conditioning.base, conditioning.first, conditioning.kv).reshape(shape)
+
+    def support(
+        self, query: QueryTokens, matches: Matches, poses: ViewPoses, diameter_m: Float[Tensor, "batch"]
+    ) -> Float[Tensor, "batch views"]:
+        """Return how much of what is seen is matched where each pose says, in [0, 1]; multiview networks only."""
+        grid = cell_centres(self.config.local_cells, device=query.tokens.device).flatten(0, 1)
+        log_scale = (diameter_m[:, None] / poses.reach_m).log()
+        pose = SolvedPoses(poses.R, poses.centre, log_scale, poses.centre[:, :, None])
+        weights = matches.weights * matches.likeness.clamp_min(0)
+        return support(matches.points, grid, weights, query.coverage, query.half_tangent, pose)
+
+    def first_support(self, query: QueryTokens, fused: TemplateTokens) -> Float[Tensor, "batch"]:
+        """Return the support of the best pose solved from matches alone: what a search over turns goes by."""
+        matches, solved, _ = self._match(query, fused, self._reference(fused))
+        reach_m = fused.diameter_m[:, None] / solved.log_scale.exp()
+        poses = ViewPoses(solved.R, solved.centre, reach_m)
+        return self.support(query, matches, poses, fused.diameter_m).amax(dim=1)
 
     # -- pieces -------------------------------------------------------------------------------------------------
 

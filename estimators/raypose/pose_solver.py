@@ -61,6 +61,20 @@ def solve_poses(
         return SolvedPoses(pose.R, pose.centre, pose.log_scale, residuals)
 
 
+def support(
+    points: Float[Tensor, "batch cells 3"],
+    grid: Float[Tensor, "cells 2"],
+    weights: Float[Tensor, "batch cells"],
+    coverage: Float[Tensor, "batch cells"],
+    half_tangent: Float[Tensor, "batch"],
+    pose: SolvedPoses,
+) -> Float[Tensor, "batch views"]:
+    """Return how much of the part's visible area is matched where the pose says, in [0, 1]."""
+    r, _ = _project(points, grid, half_tangent, pose)
+    agreement = (1 + r.square().sum(dim=-1) / _KERNEL**2).square().reciprocal()
+    return (weights[:, None] * agreement).sum(dim=-1) / coverage.sum(dim=-1, keepdim=True).clamp_min(1e-6)
+
+
 def _step(
     points: Float[Tensor, "batch cells 3"],
     grid: Float[Tensor, "cells 2"],

@@ -17,7 +17,7 @@ from simpick.estimators.raypose.config import RayPoseConfig
 from simpick.estimators.raypose.model import QueryInputs, TemplateInputs
 from simpick.estimators.raypose.pose_maps import ViewPoses
 from simpick.estimators.raypose.recrops import Recrops, aim_recrops, sample_recrops
-from simpick.estimators.raypose.template_choice import draw_around, draw_over_sphere, spread_over_sphere
+from simpick.estimators.raypose.template_choice import draw_around, draw_over_sphere
 from simpick.estimators.raypose.template_crops import TemplateCrops, collate, crop_templates
 from simpick.geometry import invert, so3_exp, transform, turned_boxes
 from simpick.training.augmentation import AugmentationConfig, jitter_boxes, perturb_mask
@@ -163,9 +163,9 @@ def _draw_templates(
     Rs = shard.templates.Ts_camera_part[:, :3, :3]
     count = config.templates
     if not config.is_fine:
-        if config.template_views == "fixed":
-            return crop_templates(shard.templates, spread_over_sphere(Rs, count), np.zeros(count), config)
-        return crop_templates(shard.templates, *draw_over_sphere(Rs, count, rng), config)
+        fixed = config.template_views == "fixed"
+        views, angles = draw_over_sphere(Rs, T_crop_part[:3, :3], count, rng, fixed=fixed)
+        return crop_templates(shard.templates, views, angles, config)
     spread = np.radians(config.spread_deg)
     error = np.clip(rng.normal(0, CENTRE_ERROR * spread), -spread, spread)
     axis = rng.normal(size=3)
