@@ -16,6 +16,7 @@ from simpick.caching import atomic_write_bytes
 from simpick.errors import CheckpointError, ConfigError
 from simpick.estimators.raypose.config import RayPoseConfig
 from simpick.estimators.raypose.model import RayPose
+from simpick.estimators.raypose.strict_weights import check_weights
 
 FORMAT = "simpick-raypose"
 VERSION = "1"
@@ -69,18 +70,7 @@ def load_checkpoint(path: Path, *, dino_weights: Path | None = None) -> Checkpoi
         raise CheckpointError(f"the configuration in {path} cannot be read ({error}); take the file anew") from error
     model = RayPose(config)
     expected = {name: tensor for name, tensor in model.state_dict().items() if not name.startswith(_FROZEN)}
-    problems = [f"{name} is missing" for name in expected if name not in tensors]
-    problems += [f"{name} is unknown" for name in tensors if name not in expected]
-    problems += [
-        f"{name} must have shape {tuple(expected[name].shape)}, got {tuple(tensor.shape)}"
-        for name, tensor in tensors.items()
-        if name in expected and expected[name].shape != tensor.shape
-    ]
-    if problems:
-        more = f" and {len(problems) - 3} more" if len(problems) > 3 else ""
-        raise CheckpointError(f"the weights in {path} do not fit their configuration: {'; '.join(problems[:3])}{more}")
-    if not all(bool(tensor.isfinite().all()) for tensor in tensors.values()):
-        raise CheckpointError(f"the weights in {path} must be finite numbers; take the file anew")
+    check_weights(path, tensors, expected, "their configuration")
     model.load_state_dict({name: tensor.float() for name, tensor in tensors.items()}, strict=not config.is_dino)
     if config.is_dino:
         from simpick.estimators.raypose.dino_encoder import load_dino_weights
