@@ -13,7 +13,7 @@ import torch
 from safetensors.torch import save as to_bytes
 
 from simpick.caching import atomic_write_bytes
-from simpick.errors import CheckpointError, ConfigError
+from simpick.errors import CheckpointError, ConfigError, UnknownNameError
 from simpick.estimators.raypose.config import RayPoseConfig
 from simpick.estimators.raypose.model import RayPose
 from simpick.estimators.raypose.strict_weights import check_weights
@@ -64,9 +64,12 @@ def load_checkpoint(path: Path, *, dino_weights: Path | None = None) -> Checkpoi
     """
     header, tensors = _read(path)
     try:
-        config = RayPoseConfig.from_json(json.loads(header["config"]))
+        values = json.loads(header["config"])
+        if not isinstance(values, dict):
+            raise ConfigError("it must hold names and values")
+        config = RayPoseConfig.from_json(values)
         card = json.loads(header["card"])
-    except (KeyError, TypeError, ValueError, ConfigError) as error:
+    except (KeyError, TypeError, ValueError, UnknownNameError) as error:
         raise CheckpointError(f"the configuration in {path} cannot be read ({error}); take the file anew") from error
     model = RayPose(config)
     expected = {name: tensor for name, tensor in model.state_dict().items() if not name.startswith(_FROZEN)}
@@ -105,15 +108,17 @@ def _read(path: Path) -> tuple[dict[str, str], dict[str, torch.Tensor]]:
     try:
         with safetensors.safe_open(str(path), framework="pt") as file:
             header = file.metadata() or {}
-            if header.get("format") != FORMAT:
-                raise CheckpointError(
-                    f"{path} must be a checkpoint of RayPose written by simpick, but its format is "
-                    f"{header.get('format', 'not given')!r}"
-                )
-            if header.get("version") != VERSION:
-                raise CheckpointError(
-                    f"{path} must be of version {VERSION}, got {header.get('version')!r}; use the simpick that wrote it"
-                )
-            return header, {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - it is no mapping
+            ours = header.get("format") == FORMAT and header.get("version") == VERSION
+            tensors = {name: file.get_tensor(name) for name in file.keys()} if ours else {}  # noqa: SIM118 - no mapping
     except (safetensors.SafetensorError, OSError, ValueError) as error:
         raise CheckpointError(f"{path} is damaged or no safetensors file ({error}); take it anew") from error
+    if header.get("format") != FORMAT:
+        raise CheckpointError(
+            f"{path} must be a checkpoint of RayPose written by simpick, but its format is "
+            f"{header.get('format', 'not given')!r}"
+        )
+    if header.get("version") != VERSION:
+        raise CheckpointError(
+            f"{path} must be of version {VERSION}, got {header.get('version')!r}; use the simpick that wrote it"
+        )
+    return header, tensors
