@@ -13,9 +13,10 @@ import torch
 from safetensors.torch import save as to_bytes
 
 from simpick.caching import atomic_write_bytes
-from simpick.errors import CheckpointError, ConfigError
+from simpick.errors import CheckpointError, ConfigError, UnknownNameError
 from simpick.estimators.raypose.config import RayPoseConfig
 from simpick.estimators.raypose.model import RayPose
+from simpick.estimators.raypose.strict_weights import check_weights
 
 FORMAT = "simpick-raypose"
 VERSION = "1"
@@ -63,24 +64,16 @@ def load_checkpoint(path: Path, *, dino_weights: Path | None = None) -> Checkpoi
     """
     header, tensors = _read(path)
     try:
-        config = RayPoseConfig.from_json(json.loads(header["config"]))
+        values = json.loads(header["config"])
+        if not isinstance(values, dict):
+            raise ConfigError("it must hold names and values")
+        config = RayPoseConfig.from_json(values)
         card = json.loads(header["card"])
-    except (KeyError, TypeError, ValueError, ConfigError) as error:
+    except (KeyError, TypeError, ValueError, UnknownNameError) as error:
         raise CheckpointError(f"the configuration in {path} cannot be read ({error}); take the file anew") from error
     model = RayPose(config)
     expected = {name: tensor for name, tensor in model.state_dict().items() if not name.startswith(_FROZEN)}
-    problems = [f"{name} is missing" for name in expected if name not in tensors]
-    problems += [f"{name} is unknown" for name in tensors if name not in expected]
-    problems += [
-        f"{name} must have shape {tuple(expected[name].shape)}, got {tuple(tensor.shape)}"
-        for name, tensor in tensors.items()
-        if name in expected and expected[name].shape != tensor.shape
-    ]
-    if problems:
-        more = f" and {len(problems) - 3} more" if len(problems) > 3 else ""
-        raise CheckpointError(f"the weights in {path} do not fit their configuration: {'; '.join(problems[:3])}{more}")
-    if not all(bool(tensor.isfinite().all()) for tensor in tensors.values()):
-        raise CheckpointError(f"the weights in {path} must be finite numbers; take the file anew")
+    check_weights(path, tensors, expected, "their configuration")
     model.load_state_dict({name: tensor.float() for name, tensor in tensors.items()}, strict=not config.is_dino)
     if config.is_dino:
         from simpick.estimators.raypose.dino_encoder import load_dino_weights
@@ -115,15 +108,17 @@ def _read(path: Path) -> tuple[dict[str, str], dict[str, torch.Tensor]]:
     try:
         with safetensors.safe_open(str(path), framework="pt") as file:
             header = file.metadata() or {}
-            if header.get("format") != FORMAT:
-                raise CheckpointError(
-                    f"{path} must be a checkpoint of RayPose written by simpick, but its format is "
-                    f"{header.get('format', 'not given')!r}"
-                )
-            if header.get("version") != VERSION:
-                raise CheckpointError(
-                    f"{path} must be of version {VERSION}, got {header.get('version')!r}; use the simpick that wrote it"
-                )
-            return header, {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - it is no mapping
+            ours = header.get("format") == FORMAT and header.get("version") == VERSION
+            tensors = {name: file.get_tensor(name) for name in file.keys()} if ours else {}  # noqa: SIM118 - no mapping
     except (safetensors.SafetensorError, OSError, ValueError) as error:
         raise CheckpointError(f"{path} is damaged or no safetensors file ({error}); take it anew") from error
+    if header.get("format") != FORMAT:
+        raise CheckpointError(
+            f"{path} must be a checkpoint of RayPose written by simpick, but its format is "
+            f"{header.get('format', 'not given')!r}"
+        )
+    if header.get("version") != VERSION:
+        raise CheckpointError(
+            f"{path} must be of version {VERSION}, got {header.get('version')!r}; use the simpick that wrote it"
+        )
+    return header, tensors

@@ -10,6 +10,7 @@ from simpick.errors import ConfigError, UnknownNameError
 
 IMAGE_ENCODERS = ("simpick", "dinov2_vits14", "dinov2_vitb14", "dinov2_vitl14")
 """simpick's own is trained with the rest; DINOv2 is frozen, as in the paper, and its weights come from a local file."""
+TEMPLATE_VIEWS = ("random", "fixed")
 
 
 @dataclass(frozen=True)
@@ -94,8 +95,8 @@ class RayPoseConfig:
             raise ConfigError(f"spread_deg must be above 0 and at most 180, got {self.spread_deg}")
         if not 0 <= self.spread_m <= 0.5:
             raise ConfigError(f"spread_m must be between 0 and 0.5, got {self.spread_m}")
-        if not self.multiview and self.templates < 1:
-            raise ConfigError("a single-view network needs a template")
+        if self.template_views not in TEMPLATE_VIEWS:
+            raise UnknownNameError("choice of template views", self.template_views, TEMPLATE_VIEWS)
 
     @property
     def is_dino(self) -> bool:
@@ -123,6 +124,11 @@ class RayPoseConfig:
             raise ConfigError(f"unknown fields of a RayPose configuration: {', '.join(unknown)}")
         if missing := sorted(known - values.keys()):
             raise ConfigError(f"missing fields of a RayPose configuration: {', '.join(missing)}")
+        for field in dataclasses.fields(RayPoseConfig):
+            kind, value = type(field.default), values[field.name]
+            # Otherwise a switch of "false" would be on.
+            if type(value) is not kind and (kind, type(value)) != (float, int):
+                raise ConfigError(f"{field.name} must be of type {kind.__name__}, got {value!r}")
         return RayPoseConfig(**values)
 
 

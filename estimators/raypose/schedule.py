@@ -33,10 +33,10 @@ class Schedule:
         return len(self.log_snrs)
 
     def sampling_steps(self, count: int) -> Int[Tensor, "count"]:
-        """Return `count` timesteps (from 0), the noisiest first, evenly spread; raises ConfigError."""
+        """Return `count` different timesteps (from 0), the noisiest first, evenly spread; raises ConfigError."""
         if not 1 <= count <= len(self):
             raise ConfigError(f"denoising steps must be between 1 and {len(self)}, got {count}")
-        return torch.linspace(len(self) - 1, 0, count + 1)[:-1].round().long()
+        return len(self) - 1 - torch.arange(count) * len(self) // count
 
 
 def make_schedule(name: str = "log_snr", timesteps: int = TIMESTEPS) -> Schedule:

@@ -1,0 +1,26 @@
+"""Weights from files: they fit a network exactly and are finite, or the error says where they do not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from torch import Tensor
+
+from simpick.errors import CheckpointError
+
+
+def check_weights(path: Path, tensors: Mapping[str, Tensor], expected: Mapping[str, Tensor], owner: str) -> None:
+    """Raise CheckpointError unless `tensors` of the file `path` are those of `owner`, whose tensors are `expected`."""
+    problems = [f"{name} is missing" for name in expected if name not in tensors]
+    problems += [f"{name} is unknown" for name in tensors if name not in expected]
+    problems += [
+        f"{name} must have shape {tuple(expected[name].shape)}, got {tuple(tensor.shape)}"
+        for name, tensor in tensors.items()
+        if name in expected and expected[name].shape != tensor.shape
+    ]
+    if problems:
+        more = f" and {len(problems) - 3} more" if len(problems) > 3 else ""
+        raise CheckpointError(f"the weights in {path} do not fit {owner}: {'; '.join(problems[:3])}{more}")
+    if not all(bool(tensor.isfinite().all()) for tensor in tensors.values()):
+        raise CheckpointError(f"the weights in {path} must be finite numbers; take the file anew")
