@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import torch
 from jaxtyping import Float
@@ -16,8 +17,11 @@ from simpick.estimators.raypose.image_encoder import make_image_encoder
 from simpick.estimators.raypose.layers import KeysValues, SelfAttentionBlock, mlp
 from simpick.estimators.raypose.matching import FEATURES, Matcher, Matches
 from simpick.estimators.raypose.pose_maps import CHANNELS, ViewPoses, cell_centres, encode_pose_maps
-from simpick.estimators.raypose.pose_solver import SolvedPoses, solve_poses, support
+from simpick.estimators.raypose.pose_solver import ITERATIONS, SolvedPoses, solve_poses, support
 from simpick.estimators.raypose.view_encoder import ViewEncoder
+
+_SEARCH_ITERATIONS = 4
+"""Enough to tell a turn that fits from one that does not."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,13 +146,13 @@ class RayPose(nn.Module):
     def condition(self, query: QueryTokens, fused: TemplateTokens) -> Conditioning:
         """Return what the decoder needs; `fused` must have one set of templates for each query."""
         views = fused.tokens.shape[1]
-        reference = self._reference(fused)
+        reference = self.reference(fused)
         base = query.tokens[:, None] + fused.tokens  # (batch, views, tokens, width)
         first = self.decoder.neutral.expand(*base.shape[:-1], CHANNELS)
         matches = None
         if self.config.matching and self.config.template_pose:
-            matches, solved, features = self._match(query, fused, reference)
-            base = base + self.embed_matches(self._patches(features))
+            matches, solved = self._match(query, fused)
+            base = base + self.embed_matches(self._patches(self._match_features(query, fused, matches, solved)))
             first = self._maps_of(solved, reference, fused.diameter_m)
         if self.config.multiview:
             context = torch.cat([query.tokens, fused.tokens.flatten(1, 2)], dim=1)
@@ -167,50 +171,78 @@ class RayPose(nn.Module):
             noisy, log_snr = noisy.flatten(0, 1)[:, None], log_snr.repeat_interleave(shape[1])
         return self.decoder(noisy, log_snr, conditioning.base, conditioning.first, conditioning.kv).reshape(shape)
 
+    def first_maps(
+        self, query: QueryTokens, templates: TemplateTokens
+    ) -> tuple[Matches, Float[Tensor, "batch views tokens 6"]]:
+        """Return matches and the maps of the pose solved from them, for which templates need not be fused."""
+        matches, solved = self._match(query, templates)
+        return matches, self._maps_of(solved, self.reference(templates), templates.diameter_m)
+
     def support(
         self, query: QueryTokens, matches: Matches, poses: ViewPoses, diameter_m: Float[Tensor, "batch"]
     ) -> Float[Tensor, "batch views"]:
         """Return how much of what is seen is matched where each pose says, in [0, 1]; multiview networks only."""
-        grid = cell_centres(self.config.local_cells, device=query.tokens.device).flatten(0, 1)
         log_scale = (diameter_m[:, None] / poses.reach_m).log()
         pose = SolvedPoses(poses.R, poses.centre, log_scale, poses.centre[:, :, None])
         weights = matches.weights * matches.likeness.clamp_min(0)
-        return support(matches.points, grid, weights, query.coverage, query.half_tangent, pose)
+        return support(matches.points, self._grid(query), weights, query.coverage, query.half_tangent, pose)
 
     def first_support(self, query: QueryTokens, fused: TemplateTokens) -> Float[Tensor, "batch"]:
         """Return the support of the best pose solved from matches alone: what a search over turns goes by."""
-        matches, solved, _ = self._match(query, fused, self._reference(fused))
+        matches, solved = self._match(query, fused, _SEARCH_ITERATIONS)
         reach_m = fused.diameter_m[:, None] / solved.log_scale.exp()
         poses = ViewPoses(solved.R, solved.centre, reach_m)
         return self.support(query, matches, poses, fused.diameter_m).amax(dim=1)
 
+    def reference(self, fused: TemplateTokens) -> ViewPoses:
+        """Return what poses are relative to; leading dimensions (batch, views)."""
+        if self.config.relative_pose:
+            return fused.poses
+        # Absolute poses are relative to a view from the front that is as wide as the part.
+        R = torch.eye(3, device=fused.tokens.device).expand_as(fused.poses.R)
+        reach_m = fused.diameter_m[:, None].expand_as(fused.poses.reach_m)
+        return ViewPoses(R, torch.zeros_like(fused.poses.centre), reach_m)
+
     # -- pieces -------------------------------------------------------------------------------------------------
 
     def _match(
-        self, query: QueryTokens, fused: TemplateTokens, reference: ViewPoses
-    ) -> tuple[Matches, SolvedPoses, Float[Tensor, "batch views cells features"]]:
-        """Return matches, the pose solved from them from each template's own, and what the decoder is told."""
-        views = fused.tokens.shape[1]
-        scale = fused.diameter_m[:, None] / reference.reach_m
-        grid = cell_centres(self.config.local_cells, device=query.tokens.device).flatten(0, 1)
-        poses, sets = fused.poses, (fused.descriptors, fused.points, fused.coverage)
+        self, query: QueryTokens, fused: TemplateTokens, iterations: int = ITERATIONS
+    ) -> tuple[Matches, SolvedPoses]:
+        """Return matches, and the pose solved from them from each template's own.
+
+        Without multiview, every template is a query's only one: as many groups as templates, of one view each.
+        """
+        views, multiview = fused.tokens.shape[1], self.config.multiview
+        grid, poses = self._grid(query), fused.poses
         log_scale = (fused.diameter_m[:, None] / poses.reach_m).log()
         start = SolvedPoses(poses.R, poses.centre, log_scale, poses.centre[:, :, None])
-        if self.config.multiview:
-            matches = self.matcher.match(query.descriptors, *(x.flatten(1, 2) for x in sets), query.coverage)
-            solved = solve_poses(matches.points, grid, matches.weights, query.half_tangent, start)
-            return matches, solved, matches.features(solved, reference, scale, query.coverage, grid)
-        # Every template is a query's only one: as many groups as templates, of one view each.
-        each = QueryTokens(*(getattr(query, f.name).repeat_interleave(views, 0) for f in dataclasses.fields(query)))
-        matches = self.matcher.match(each.descriptors, *(x.flatten(0, 1) for x in sets), each.coverage)
-        alone = SolvedPoses(*(getattr(start, f.name).flatten(0, 1)[:, None] for f in dataclasses.fields(start)))
-        solved = solve_poses(matches.points, grid, matches.weights, each.half_tangent, alone)
-        own = ViewPoses(*(getattr(reference, f.name).flatten(0, 1)[:, None] for f in dataclasses.fields(reference)))
-        features = matches.features(solved, own, scale.flatten()[:, None], each.coverage, grid)
-        solved = SolvedPoses(
-            *(getattr(solved, f.name).squeeze(1).unflatten(0, (-1, views)) for f in dataclasses.fields(solved))
+        if not multiview:
+            query = _map(query, lambda x: x.repeat_interleave(views, 0))
+            start = _map(start, lambda x: x.flatten(0, 1)[:, None])
+        first = 1 if multiview else 0
+        descriptors, points, coverage = (
+            x.flatten(first, first + 1) for x in (fused.descriptors, fused.points, fused.coverage)
         )
-        return matches, solved, features.squeeze(1).unflatten(0, (-1, views))
+        matches = self.matcher.match(query.descriptors, descriptors, points, coverage, query.coverage)
+        solved = solve_poses(matches.points, grid, matches.weights, query.half_tangent, start, iterations)
+        return matches, solved if multiview else _map(solved, lambda x: x.squeeze(1).unflatten(0, (-1, views)))
+
+    def _match_features(
+        self, query: QueryTokens, fused: TemplateTokens, matches: Matches, solved: SolvedPoses
+    ) -> Float[Tensor, "batch views cells features"]:
+        """Return what the decoder is told of each cell."""
+        reference, views = self.reference(fused), fused.tokens.shape[1]
+        scale = fused.diameter_m[:, None] / reference.reach_m
+        if self.config.multiview:
+            return matches.features(solved, reference, scale, query.coverage, self._grid(query))
+        reference = _map(reference, lambda x: x.flatten(0, 1)[:, None])
+        solved = _map(solved, lambda x: x.flatten(0, 1)[:, None])
+        coverage = query.coverage.repeat_interleave(views, 0)
+        features = matches.features(solved, reference, scale.flatten()[:, None], coverage, self._grid(query))
+        return features.squeeze(1).unflatten(0, (-1, views))
+
+    def _grid(self, query: QueryTokens) -> Float[Tensor, "cells 2"]:
+        return cell_centres(self.config.local_cells, device=query.tokens.device).flatten(0, 1)
 
     def _maps_of(
         self, solved: SolvedPoses, reference: ViewPoses, diameter_m: Float[Tensor, "batch"]
@@ -218,14 +250,6 @@ class RayPose(nn.Module):
         reach_m = diameter_m[:, None] / solved.log_scale.exp()
         pose = ViewPoses(solved.R, solved.centre, reach_m)
         return encode_pose_maps(pose, reference, self.config.map_cells, self.config.padding).flatten(2, 3)
-
-    def _reference(self, fused: TemplateTokens) -> ViewPoses:
-        if self.config.relative_pose:
-            return fused.poses
-        # Absolute poses are relative to a view from the front that is as wide as the part.
-        R = torch.eye(3, device=fused.tokens.device).expand_as(fused.poses.R)
-        reach_m = fused.diameter_m[:, None].expand_as(fused.poses.reach_m)
-        return ViewPoses(R, torch.zeros_like(fused.poses.centre), reach_m)
 
     def _image_tokens(self, features: Float[Tensor, "batch channels h w"]) -> Float[Tensor, "batch tokens width"]:
         return self.embed_image(self._patches(features.flatten(2).mT)) + self.patch_position
@@ -245,3 +269,11 @@ def _in_view(
 ) -> Float[Tensor, "batch views cells 3"]:
     """Return positions turned into each view's frame, in half sides of its crop."""
     return torch.einsum("bkij,bknj->bkni", poses.R, points) * (diameter_m[:, None] / poses.reach_m)[..., None, None]
+
+
+_Record = TypeVar("_Record", QueryTokens, SolvedPoses, ViewPoses)
+
+
+def _map(record: _Record, function: Callable[[Tensor], Tensor]) -> _Record:
+    """Return a record of tensors with the function applied to each."""
+    return type(record)(*(function(getattr(record, field.name)) for field in dataclasses.fields(record)))

@@ -91,8 +91,9 @@ def _step(
     J = torch.stack(
         [torch.stack([zero, z, -y, one, zero, x], dim=-1), torch.stack([-z, zero, x, zero, one, y], dim=-1)], dim=-2
     )  # (batch, views, cells, 2, 6)
-    A = torch.einsum("bkn,bkndi,bkndj->bkij", w, J, J)
-    g = torch.einsum("bkn,bkndi,bknd->bki", w, J, r)
+    Jw = (J * w[..., None, None]).flatten(2, 3).mT  # (batch, views, 6, 2 cells)
+    A = Jw @ J.flatten(2, 3)
+    g = (Jw @ r.flatten(2)[..., None]).squeeze(-1)
     damping = _DAMPING * weights.sum(dim=-1)[:, None, None, None] + 1e-6
     A = A + damping * torch.diag(A.new_tensor([1.0, 1.0, 1.0, 0.1, 0.1, 1.0]))
     step = torch.linalg.solve(A, g).clamp(-_LARGEST_STEP, _LARGEST_STEP)

@@ -61,6 +61,8 @@ class TemplateBank:
     def around(self, Ts_crop_part: Float[np.ndarray, "n 4 4"]) -> TemplateTokens:
         """Return for each pose the templates nearest to it, fused; equivalent poses are told as nearest to it."""
         config = self._model.config
+        # Of equivalent poses always the same one, so that equivalent starts have the same templates.
+        Ts_crop_part = self._symmetries.closest_equivalent(Ts_crop_part, np.eye(4))
         chosen = [choose_around(self.Rs_view_part, T[:3, :3], config.templates, TURNS) for T in Ts_crop_part]
         keys = [[(int(v), int(t)) for v, t in zip(views, turns, strict=True)] for views, turns in chosen]
         self._encoded([key for own in keys for key in own])

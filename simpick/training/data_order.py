@@ -7,14 +7,11 @@ from jaxtyping import Int
 
 from simpick.training.train_config import TrainConfig
 
-FIRST_SHARDS = 8
-"""Training starts when so many shards are ready; the window grows from there."""
-
 
 def window_at(config: TrainConfig, step: int) -> range:
     """Return the indices of the shards that a step may draw from."""
     passed = int(step * config.batch / (config.uses * config.data.queries))
-    stop = max(FIRST_SHARDS, config.parts) + passed
+    stop = max(config.first_shards, config.parts) + passed
     return range(max(0, stop - config.window), stop)
 
 

@@ -25,8 +25,13 @@ class TrainConfig:
     """Templates a query in training; the network may be given more at run time."""
     uses: float = 3.0
     """How often a query is seen on average, each time turned, framed and hidden differently, with other templates."""
+    first_shards: int = 8
+    """Training starts when so many shards are ready; the window grows from there."""
     window: int = 64
     """Shards that are drawn from at a time; also the most that are in memory."""
+    matching_share: float = 0.5
+    """Share of the run, at its beginning, in which only matching and the pose solved from it are trained. The decoder
+    corrects that pose, and has little to learn before it is good; without it, a step costs half."""
     learning_rate: float = 1e-3
     """Of AdamW, after the warm-up and before it falls."""
     warmup_steps: int = 200
@@ -55,7 +60,15 @@ class TrainConfig:
     """Denoising steps of the sampled poses."""
 
     def __post_init__(self) -> None:
-        for name in ("batch", "parts", "templates", "window", "validation_shards", "validation_queries"):
+        for name in (
+            "batch",
+            "parts",
+            "templates",
+            "first_shards",
+            "window",
+            "validation_shards",
+            "validation_queries",
+        ):
             if getattr(self, name) < 1:
                 raise ConfigError(f"{name} must be 1 or more, got {getattr(self, name)}")
         if self.batch % self.parts:
@@ -65,7 +78,7 @@ class TrainConfig:
         for name in ("uses", "learning_rate", "clip"):
             if not getattr(self, name) > 0:
                 raise ConfigError(f"{name} must be above 0, got {getattr(self, name)}")
-        for name in ("cooldown_share", "average_decay"):
+        for name in ("matching_share", "cooldown_share", "average_decay"):
             if not 0 <= getattr(self, name) < 1:
                 raise ConfigError(f"{name} must be from 0 to below 1, got {getattr(self, name)}")
         if self.warmup_steps < 0 or self.weight_decay < 0:

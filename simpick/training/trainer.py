@@ -28,7 +28,7 @@ from simpick.training.processes import Processes
 from simpick.training.run_folder import RunFolder
 from simpick.training.shard_stream import ShardStream
 from simpick.training.train_config import TrainConfig
-from simpick.training.training_step import loss_terms
+from simpick.training.training_step import loss_terms, matching_terms
 from simpick.training.validation import Validation
 
 
@@ -192,7 +192,10 @@ class _Trainer:
         seed = np.random.SeedSequence([config.seed, 9, self.processes.rank, state.step]).generate_state(1, np.uint64)
         generator = torch.Generator().manual_seed(int(seed[0]) >> 1)
         with torch.autocast(device.type, torch.bfloat16, enabled=device.type == "cuda"):
-            terms = loss_terms(state.model, batch.to(device), self.schedule, generator)
+            if self._is_matching_only():
+                terms = matching_terms(state.model, batch.to(device))
+            else:
+                terms = loss_terms(state.model, batch.to(device), self.schedule, generator)
         loss = weighted_sum(terms, config.losses)
         state.optimizer.zero_grad(set_to_none=True)
         loss.backward()
@@ -209,6 +212,10 @@ class _Trainer:
         for name, value in {**terms, "loss": loss}.items():
             self.sums[name] = self.sums.get(name, 0.0) + float(value.detach())
         self.counted += 1
+
+    def _is_matching_only(self) -> bool:
+        network = self.state.model.config
+        return network.matching and network.template_pose and self._progress() < self.config.matching_share
 
     def _log(self, source: BatchSource) -> None:
         means = {name: value / self.counted for name, value in self.sums.items()}

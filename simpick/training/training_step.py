@@ -20,7 +20,8 @@ def loss_terms(
 ) -> dict[str, Float[Tensor, ""]]:
     """Return the terms of the loss by the names of `LossWeights`; noise comes from `generator`, on the CPU."""
     config = model.config
-    conditioning = model.condition(model.encode_query(batch.query), model.fuse(model.encode_templates(batch.templates)))
+    query, templates = model.encode_query(batch.query), model.encode_templates(batch.templates)
+    conditioning = model.condition(query, model.fuse(templates))
     target = encode_pose_maps(batch.truth, conditioning.reference, config.map_cells, config.padding)
     steps = torch.randint(len(schedule), (len(batch),), generator=generator)
     log_snr = schedule.log_snrs[steps].to(target.device)
@@ -28,14 +29,26 @@ def loss_terms(
     predicted = model.denoise(add_noise(target, noise, log_snr), log_snr, conditioning).float()
     terms = losses.pose_map_losses(predicted, target, batch.truth, conditioning.reference, config.padding)
     if conditioning.matches is not None:
-        terms |= _matching(model, batch, conditioning.matches)
-        first = conditioning.first.reshape(target.shape).float()
-        terms["first"] = losses.ray_reconstruction(first[..., :3], target[..., :3])
-        terms["first"] = terms["first"] + losses.translation_reconstruction(first[..., 3:], target[..., 3:])
+        terms |= _matching(model, batch, conditioning.matches, conditioning.first, target)
     return terms
 
 
-def _matching(model: RayPose, batch: TrainingBatch, matches: Matches) -> dict[str, Float[Tensor, ""]]:
+def matching_terms(model: RayPose, batch: TrainingBatch) -> dict[str, Float[Tensor, ""]]:
+    """Return only the terms of matching and of the pose solved from it, without fuser and decoder."""
+    config = model.config
+    query, templates = model.encode_query(batch.query), model.encode_templates(batch.templates)
+    matches, first = model.first_maps(query, templates)
+    target = encode_pose_maps(batch.truth, model.reference(templates), config.map_cells, config.padding)
+    return _matching(model, batch, matches, first, target)
+
+
+def _matching(
+    model: RayPose,
+    batch: TrainingBatch,
+    matches: Matches,
+    first: Float[Tensor, "groups views tokens 6"],
+    target: Float[Tensor, "batch views p p 6"],
+) -> dict[str, Float[Tensor, ""]]:
     points, covered = batch.templates.points, batch.templates.coverage >= MIN_COVERAGE
     query_points, seen = batch.points, batch.seen
     if model.config.multiview:
@@ -44,8 +57,10 @@ def _matching(model: RayPose, batch: TrainingBatch, matches: Matches) -> dict[st
         views = points.shape[1]
         points, covered = points.flatten(0, 1), covered.flatten(0, 1)
         query_points, seen = query_points.repeat_interleave(views, 0), seen.repeat_interleave(views, 0)
-    log_probabilities = matches.log_probabilities.float()
+    log_probabilities, maps = matches.log_probabilities.float(), first.reshape(target.shape).float()
     return {
         "matching": losses.matching(log_probabilities, query_points, seen, points, covered),
         "matched_points": losses.matched_points(matches.points.float(), query_points, seen),
+        "first": losses.ray_reconstruction(maps[..., :3], target[..., :3])
+        + losses.translation_reconstruction(maps[..., 3:], target[..., 3:]),
     }

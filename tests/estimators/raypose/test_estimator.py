@@ -1,4 +1,4 @@
-"""Coarse and fine estimation with shipped weights where accuracy is asked for, and with tiny untrained ones elsewhere."""
+"""Coarse and fine estimation: shipped weights where accuracy is asked for, tiny untrained ones elsewhere."""
 
 from dataclasses import replace
 
@@ -9,8 +9,14 @@ import torch
 from simpick.assets.library import get_part
 from simpick.errors import CheckpointError, ConfigError, UnknownNameError
 from simpick.estimators import PoseEstimator
-from simpick.estimators.raypose import PRESETS, RayPose, RayPoseEstimator, RayPoseEstimatorConfig, save_checkpoint
-from simpick.estimators.raypose import load_estimator
+from simpick.estimators.raypose import (
+    PRESETS,
+    RayPose,
+    RayPoseEstimator,
+    RayPoseEstimatorConfig,
+    load_estimator,
+    save_checkpoint,
+)
 from simpick.geometry import so3_exp, transform
 from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
 from tests.estimators.test_retrieval import CAMERA, pictures
@@ -55,8 +61,7 @@ def coarse(crank) -> RayPoseEstimator:
 
 def off(T: np.ndarray, deg: float, rng: np.random.Generator) -> np.ndarray:
     axis = rng.normal(size=3)
-    turned = transform(so3_exp(np.radians(deg) * axis / np.linalg.norm(axis)) @ T[:3, :3], T[:3, 3])
-    return turned
+    return transform(so3_exp(np.radians(deg) * axis / np.linalg.norm(axis)) @ T[:3, :3], T[:3, 3])
 
 
 def test_a_fine_predictor_comes_closer_than_where_it_starts(crank):
@@ -143,7 +148,7 @@ def test_an_image_of_floats_is_refused(coarse, crank):
 
 
 def test_a_fine_network_needs_a_start():
-    with pytest.raises(ConfigError, match="a fine network needs an estimator to start from"):
+    with pytest.raises(ConfigError, match="give it an estimator to start from"):
         RayPoseEstimator(tiny())
 
 

@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 import torch
 
-from simpick.estimators.raypose.inference import combine_views, disagreement_rad, sample_views
+from simpick.estimators.raypose.inference import agreement, combine_views, sample_views
 from simpick.estimators.raypose.model import RayPose
 from simpick.estimators.raypose.pose_maps import ViewPoses
 from simpick.estimators.raypose.schedule import make_schedule
@@ -199,16 +199,18 @@ def test_views_are_combined_without_the_ones_that_disagree() -> None:
     reach = torch.full((2, 8), 0.03)
     reach[:, :6] *= torch.tensor([0.5, 2.0, 1.0, 1.0, 1.0, 1.0])
     pose = combine_views(ViewPoses(R, centre, reach))
-    torch.testing.assert_close(pose.R, project_to_so3(near.mean(dim=1)))
-    torch.testing.assert_close(pose.centre, torch.zeros(2, 2))
-    torch.testing.assert_close(pose.reach_m, torch.full((2,), 0.03))
+    torch.testing.assert_close(pose.R, project_to_so3(near.mean(dim=1)), atol=5e-3, rtol=0)
+    torch.testing.assert_close(pose.centre, torch.zeros(2, 2), atol=5e-3, rtol=0)
+    torch.testing.assert_close(pose.reach_m, torch.full((2,), 0.03), atol=0, rtol=0.02)
     only = ViewPoses(R[:, :1], centre[:, :1], reach[:, :1])
     torch.testing.assert_close(combine_views(only).R, R[:, 0])
 
 
-def test_disagreement_is_the_mean_angle() -> None:
+def test_agreement_falls_with_the_angle_between_views() -> None:
     axis = torch.tensor([0.0, 0.0, 1.0])
-    R = so3_exp(torch.tensor([[0.1], [-0.3]]) * axis)[None]
-    views = ViewPoses(R, torch.zeros(1, 2, 2), torch.ones(1, 2))
-    pose = ViewPoses(torch.eye(3)[None], torch.zeros(1, 2), torch.ones(1))
-    torch.testing.assert_close(disagreement_rad(views, pose), torch.tensor([0.2]), rtol=1e-3, atol=0)
+    found = []
+    for angle in (0.0, 0.1, 0.3):
+        R = so3_exp(torch.tensor([[0.0], [angle]]) * axis)[None]
+        found.append(float(agreement(ViewPoses(R, torch.zeros(1, 2, 2), torch.ones(1, 2)))))
+    assert found[0] == pytest.approx(1.0, abs=1e-3)
+    assert found[0] > found[1] > found[2] > 0
