@@ -76,9 +76,9 @@ def draw(path: Path, results: dict[int, MapNoise]) -> None:
     """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(10.5, 3.6), layout="constrained")
+    figure = Figure(figsize=(10.4, 3.3), layout="constrained")
     panels = [
-        ("rotation error (deg)", "rotation_deg", (0.3, 400)),
+        ("rotation error (deg)", "rotation_deg", (0.3, 200)),
         ("centre error (box sides)", "centre_box_sides", (3e-3, 10)),
         ("depth error (%)", "depth_percent", (0.3, 1000)),
     ]
@@ -89,7 +89,7 @@ def draw(path: Path, results: dict[int, MapNoise]) -> None:
         shifted, cosine = spans["log_snr"], np.quantile(spans["cosine"], [0.1, 0.9])
         axes.axvspan(shifted[0], shifted[-1], color="0.9", label="log_snr: all steps")
         axes.axvspan(cosine[0], cosine[1], ymax=0.04, color="0.4", label="cosine: 80 % of steps")
-        axes.set(xlabel="noise on each channel (standard deviation)", ylabel=label, ylim=limits)
+        axes.set(xlabel="noise (std. per channel)", ylabel=label, ylim=limits)
         axes.set_xlim(DEVIATIONS[0], DEVIATIONS[-1])
         axes.grid(alpha=0.4)
         top = axes.secondary_xaxis("top", functions=(lambda x: x, lambda x: x))
@@ -97,7 +97,7 @@ def draw(path: Path, results: dict[int, MapNoise]) -> None:
         top.set_xticks(np.exp(-levels / 2), [str(level) for level in levels])
         top.minorticks_off()
         top.set_xlabel("log-SNR")
-    figure.axes[0].legend(fontsize=7, loc="upper left")
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), fontsize=8, loc="outside right upper")
     try:
         figure.savefig(path, dpi=72, format="png", pil_kwargs={"optimize": True})
     except OSError as error:
