@@ -53,7 +53,7 @@ def test_a_checkpoint_gives_back_the_network(tmp_path: Path, multiview: bool) ->
             m.denoise(maps, levels, condition(m, random_query(2, config), random_templates(2, config)))
             for m in (model, loaded.model)
         )
-    torch.testing.assert_close(after, before, atol=5e-3, rtol=0)
+    torch.testing.assert_close(after, before, atol=2e-2, rtol=0)
     halves = model.half().float().state_dict()
     assert all(torch.equal(tensor, halves[name]) for name, tensor in loaded.model.state_dict().items())
 

@@ -8,7 +8,9 @@ import torch
 from simpick.estimators.raypose.decoder import Decoder
 from simpick.estimators.raypose.image_encoder import SimpickEncoder, orientation_channels
 from simpick.estimators.raypose.layers import Attention, DiTBlock, NoiseLevelEmbedding, SelfAttentionBlock
-from simpick.estimators.raypose.matching import Matcher
+from simpick.estimators.raypose.matching import FEATURES, Matcher
+from simpick.estimators.raypose.pose_maps import ViewPoses
+from simpick.estimators.raypose.pose_solver import SolvedPoses
 from simpick.estimators.raypose.view_encoder import fourier_features
 from tests.estimators.raypose.networks import TINY
 
@@ -75,12 +77,13 @@ def test_tokens_of_different_views_meet_only_through_the_context() -> None:
     assert (after[:, 1] - before[:, 1]).abs().max() > 0.1
 
 
-def test_a_new_decoder_predicts_the_templates_own_pose() -> None:
+def test_a_new_decoder_predicts_the_first_maps() -> None:
     decoder = Decoder(TINY)
     tokens = TINY.map_cells**2
     kv = decoder.keys_values(randn(2, 7, TINY.width))
-    out = decoder(randn(2, 3, tokens, 6), torch.tensor([0.0, -5.0]), randn(2, 3, tokens, TINY.width), kv)
-    torch.testing.assert_close(out, decoder.neutral.expand(2, 3, tokens, 6))
+    first = randn(2, 3, tokens, 6)
+    out = decoder(randn(2, 3, tokens, 6), torch.tensor([0.0, -5.0]), randn(2, 3, tokens, TINY.width), first, kv)
+    torch.testing.assert_close(out, first)
 
 
 def test_noise_levels_are_told_apart() -> None:
@@ -130,7 +133,7 @@ def test_matches_are_the_softmax_of_cosines_over_covered_cells() -> None:
     query = torch.tensor([[[1.0, 0.0]]])
     templates = torch.tensor([[[1.0, 0.0], [0.0, 1.0], [1.0, 0.0]]])
     points = torch.tensor([[[0.2, 0.0, 0.0], [0.0, 0.4, 0.0], [9.0, 9.0, 9.0]]])
-    matches = matcher.match(query, templates, points, torch.tensor([[1.0, 0.5, 0.1]]))
+    matches = matcher.match(query, templates, points, torch.tensor([[1.0, 0.5, 0.1]]), torch.ones(1, 1))
     p = math.exp(2) / (math.exp(2) + 1)
     torch.testing.assert_close(matches.log_probabilities.exp(), torch.tensor([[[p, 1 - p, 0.0]]]))
     torch.testing.assert_close(matches.points, torch.tensor([[[0.2 * p, 0.4 * (1 - p), 0.0]]]))
@@ -142,16 +145,23 @@ def test_matches_are_the_softmax_of_cosines_over_covered_cells() -> None:
 def test_match_features_lie_in_each_view() -> None:
     matcher = Matcher(4, 2)
     points = torch.tensor([[[0.1, 0.0, 0.0]]])
-    matches = matcher.match(torch.tensor([[[1.0, 0.0]]]), torch.tensor([[[1.0, 0.0]]]), points, torch.ones(1, 1))
+    one = torch.tensor([[[1.0, 0.0]]])
+    matches = matcher.match(one, one, points, torch.ones(1, 1), torch.ones(1, 1))
     turn = torch.tensor([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     R = torch.stack([torch.eye(3), turn])[None]
-    features = matches.features(R, torch.tensor([[1.0, 2.0]]), torch.tensor([[0.7]]))
-    assert features.shape == (1, 2, 1, 6)
+    reference = ViewPoses(R, torch.zeros(1, 2, 2), torch.ones(1, 2))
+    residuals = torch.tensor([[[[0.1, 0.2]], [[0.3, 0.4]]]])
+    solved = SolvedPoses(R, torch.zeros(1, 2, 2), torch.zeros(1, 2), residuals)
+    grid = torch.tensor([[-0.5, 0.5]])
+    features = matches.features(solved, reference, torch.tensor([[1.0, 2.0]]), torch.tensor([[0.7]]), grid)
+    assert features.shape == (1, 2, 1, FEATURES)
     torch.testing.assert_close(features[0, :, 0, :3], torch.tensor([[0.1, 0.0, 0.0], [0.0, 0.2, 0.0]]))
-    torch.testing.assert_close(features[0, :, 0, 4:], torch.tensor([[1.0, 0.7], [1.0, 0.7]]))
+    torch.testing.assert_close(features[0, :, 0, 3:5], 4 * residuals[0, :, 0])
+    torch.testing.assert_close(features[0, :, 0, [6, 8]], torch.tensor([[1.0, 0.7], [1.0, 0.7]]))
+    torch.testing.assert_close(features[0, :, 0, 9:], grid.expand(2, 2))
 
 
 def test_no_covered_cell_still_gives_finite_matches() -> None:
-    matches = Matcher(4, 2).match(randn(2, 3, 2), randn(2, 4, 2), randn(2, 4, 3), torch.zeros(2, 4))
+    matches = Matcher(4, 2).match(randn(2, 3, 2), randn(2, 4, 2), randn(2, 4, 3), torch.zeros(2, 4), torch.ones(2, 3))
     for value in (matches.log_probabilities, matches.points, matches.spread, matches.likeness):
         assert value.isfinite().all()

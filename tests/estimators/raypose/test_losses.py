@@ -104,7 +104,7 @@ def test_the_overall_loss_weighs_every_term() -> None:
     names = [field.name for field in dataclasses.fields(LossWeights)]
     terms = {name: torch.tensor(float(k + 1)) for k, name in enumerate(names)}
     weights = LossWeights(**{name: 10.0**k for k, name in enumerate(names)})
-    assert losses.weighted_sum(terms, weights).item() == pytest.approx(654321)
+    assert losses.weighted_sum(terms, weights).item() == pytest.approx(87654321, rel=1e-6)
 
 
 def test_true_maps_cost_nothing_and_terms_have_the_weights_names() -> None:
@@ -112,7 +112,7 @@ def test_true_maps_cost_nothing_and_terms_have_the_weights_names() -> None:
     query, reference = random_views((3, 1), g), random_views((3, 2), g)
     maps = encode_pose_maps(query, reference, 4, 1.2)
     terms = losses.pose_map_losses(maps, maps, query, reference, 1.2)
-    assert {*terms, "matching"} == {field.name for field in dataclasses.fields(LossWeights)}
+    assert {*terms, "matching", "matched_points", "first"} == {field.name for field in dataclasses.fields(LossWeights)}
     assert all(value.item() < 1e-5 for value in terms.values())
     wrong = losses.pose_map_losses(maps.roll(1, 0), maps, query, reference, 1.2)
     assert all(wrong[name].item() > 1e-3 for name in terms if name != "ray_consistency")
@@ -123,3 +123,12 @@ def test_weights_must_not_be_negative() -> None:
         LossWeights(ray_cosine=-1.0)
     with pytest.raises(ConfigError, match="the weight of matching must be 0 or more, got nan"):
         LossWeights(matching=float("nan"))
+
+
+def test_matched_points_are_as_far_off_as_they_are_and_far_ones_count_no_further() -> None:
+    truth = torch.zeros(1, 3, 3)
+    points = torch.tensor([[[0.03, 0.04, 0.0], [5.0, 0.0, 0.0], [1.0, 0.0, 0.0]]])
+    seen = torch.tensor([[True, True, False]])
+    expected = (0.15 * math.tanh(0.05 / 0.15) + 0.15) / 2
+    assert losses.matched_points(points, truth, seen).item() == pytest.approx(expected, rel=1e-4)
+    assert losses.matched_points(points, truth, ~seen & seen).item() == 0

@@ -72,7 +72,8 @@ def test_gradients_reach_what_a_configuration_uses(config) -> None:
 
 def test_a_new_network_answers_with_the_templates_poses() -> None:
     torch.manual_seed(0)
-    model, templates = RayPose(TINY).eval(), random_templates(2)
+    # With matching, a new network answers with the pose solved from its matches.
+    model, templates = RayPose(dataclasses.replace(TINY, matching=False)).eval(), random_templates(2)
     with torch.inference_mode():
         views = sample_views(
             model, condition(model, random_query(2), templates), make_schedule(), 3, torch.Generator().manual_seed(0)
