@@ -9,7 +9,7 @@ import torch
 from simpick.errors import ConfigError
 from simpick.estimators.raypose import losses
 from simpick.estimators.raypose.losses import LossWeights
-from simpick.estimators.raypose.pose_maps import decode_pose_maps, encode_pose_maps, encode_rotation
+from simpick.estimators.raypose.pose_maps import canonical_rays, decode_pose_maps, encode_pose_maps, encode_rotation
 from simpick.geometry.torch_rotations import random_rotations
 from tests.estimators.raypose.networks import random_views
 
@@ -43,6 +43,13 @@ def test_ray_consistency_of_parallel_rays() -> None:
     # Canonical rays of a 2 x 2 grid are (+-0.5, +-0.5, 1): neighbours have cosine 1 / 1.5. Parallel rays have angle 0.
     parallel = torch.tensor([0.0, 0.0, 1.0]).expand(1, 2, 2, 3)
     assert losses.ray_consistency(parallel).item() == pytest.approx(math.acos(2 / 3) ** 2, rel=5e-3)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_ray_consistency_looks_to_the_right_and_below(axis: int) -> None:
+    # Rays that do not change along one axis are wrong for half of the neighbours.
+    rays = canonical_rays(2).index_select(axis, torch.tensor([0, 0]))
+    assert losses.ray_consistency(rays).item() == pytest.approx(math.acos(2 / 3) ** 2 / 2, rel=5e-3)
 
 
 def test_ray_consistency_has_finite_gradients_at_parallel_and_opposite_rays() -> None:

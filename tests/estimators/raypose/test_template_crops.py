@@ -141,12 +141,13 @@ def test_shift_and_zoom_move_the_frame(templates: TemplateSet, crops: TemplateCr
 
 @pytest.mark.render
 def test_equivalent_poses_nearest_to_a_pose_tell_the_same_story(crops: TemplateCrops) -> None:
-    half_turn = SymmetryGroup.cyclic(2)
-    T_query = crops.Ts_crop_part[0] @ transform(so3_exp(np.array([0.0, 0.0, np.pi + 0.2])))
-    near = crops.nearest_to(T_query, half_turn)
+    # Of order 3, where an element and its inverse differ.
+    group = SymmetryGroup.cyclic(3)
+    T_query = crops.Ts_crop_part[0] @ transform(so3_exp(np.array([0.0, 0.0, 2 * np.pi / 3 + 0.2])))
+    near = crops.nearest_to(T_query, group)
     Rs, old = near.Ts_crop_part[:, :3, :3], crops.Ts_crop_part[:, :3, :3]
     distance = rotation_angle(np.swapaxes(Rs, -1, -2) @ T_query[:3, :3])
-    np.testing.assert_allclose(distance, half_turn.rotation_distance(old, T_query[:3, :3]), atol=1e-6)
+    np.testing.assert_allclose(distance, group.rotation_distance(old, T_query[:3, :3]), atol=1e-6)
     assert (rotation_angle(np.swapaxes(old, -1, -2) @ T_query[:3, :3]) > distance + 0.1).any()
     # Images stay, and so does where each point is seen.
     assert near.rgb is crops.rgb
