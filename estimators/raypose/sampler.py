@@ -6,7 +6,7 @@ fits the loss.
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from jaxtyping import Float
 from torch import Tensor
@@ -15,6 +15,7 @@ from simpick.estimators.raypose.objective import add_noise, implied_noise
 from simpick.estimators.raypose.schedule import Schedule
 
 
+@runtime_checkable
 class Denoiser(Protocol):
     """Predicts clean maps from noisy ones."""
 
