@@ -22,6 +22,7 @@ from simpick.cli.parts import PartsCommand
 from simpick.cli.run import Run
 from simpick.cli.sweep import Sweep
 from simpick.cli.templates import TemplatesCommand
+from simpick.cli.train import Train
 from simpick.cli.yardstick import Yardstick
 from simpick.errors import SimpickError
 
@@ -36,6 +37,7 @@ Command = (
     | Annotated[Yardstick, _configure(name="yardstick")]
     | Annotated[Sweep, _configure(name="sweep")]
     | Annotated[Benchmark, _configure(name="benchmark")]
+    | Annotated[Train, _configure(name="train")]
     | Annotated[Doctor, _configure(name="doctor")]
 )
 
