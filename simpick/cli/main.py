@@ -14,6 +14,7 @@ from typing import Annotated
 
 import tyro
 
+from simpick.cli.ablate import Ablate
 from simpick.cli.benchmark import Benchmark
 from simpick.cli.doctor import Doctor
 from simpick.cli.evaluate import Evaluate
@@ -38,6 +39,7 @@ Command = (
     | Annotated[Sweep, _configure(name="sweep")]
     | Annotated[Benchmark, _configure(name="benchmark")]
     | Annotated[Train, _configure(name="train")]
+    | Annotated[Ablate, _configure(name="ablate")]
     | Annotated[Doctor, _configure(name="doctor")]
 )
 

@@ -239,7 +239,7 @@ class _Trainer:
         data = self.config.data
         with ShardStream(self._shards(), data, split="validation", workers=0, ahead=0, keep=True) as stream:
             shards = [stream.get(index) for index in range(self.config.validation_shards)]
-        return Validation(shards, self.state.model, self.config)
+        return Validation(shards, self.state.model.config, self.config)
 
     def _shards(self) -> Path:
         return self.machine.shards or self.run_folder.shards
