@@ -14,6 +14,7 @@ from typing import Annotated
 
 import tyro
 
+from simpick.cli.ablate import Ablate
 from simpick.cli.benchmark import Benchmark
 from simpick.cli.compare import Compare
 from simpick.cli.doctor import Doctor
@@ -24,6 +25,7 @@ from simpick.cli.refiner import RefinerCommand
 from simpick.cli.run import Run
 from simpick.cli.sweep import Sweep
 from simpick.cli.templates import TemplatesCommand
+from simpick.cli.train import Train
 from simpick.cli.yardstick import Yardstick
 from simpick.errors import SimpickError
 
@@ -40,6 +42,8 @@ Command = (
     | Annotated[RefinerCommand, _configure(name="refiner")]
     | Annotated[Sweep, _configure(name="sweep")]
     | Annotated[Benchmark, _configure(name="benchmark")]
+    | Annotated[Train, _configure(name="train")]
+    | Annotated[Ablate, _configure(name="ablate")]
     | Annotated[Doctor, _configure(name="doctor")]
 )
 

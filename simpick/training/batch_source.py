@@ -42,6 +42,7 @@ class BatchSource:
             workers=machine.renderers,
             ahead=max(2, 2 * machine.renderers) if machine.renderers else 0,
             start=self._first,
+            keep=machine.shards is not None,
         )
         self._shards: dict[int, Shard] = {}
         self._lock = threading.Lock()

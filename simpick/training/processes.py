@@ -51,13 +51,17 @@ class Processes:
         for g, mean in zip(gradients, (flat / self.count).split([g.numel() for g in gradients]), strict=True):
             g.copy_(mean.view_as(g))
 
-    def agree(self, seconds: float) -> float:
-        """Return the longest of all processes' times, so that all end together."""
+    def agree(self, *values: float) -> list[float]:
+        """Return the largest of all processes' values, each, so that all decide alike."""
         if self.count == 1:
-            return seconds
-        longest = torch.tensor(seconds, device=self.device)
-        distributed.all_reduce(longest, op=distributed.ReduceOp.MAX)
-        return float(longest)
+            return list(values)
+        largest = torch.tensor(values, device=self.device)
+        distributed.all_reduce(largest, op=distributed.ReduceOp.MAX)
+        return largest.tolist()
+
+    def wait(self) -> None:
+        """Return when all processes have come here."""
+        self.agree(0.0)
 
     def __enter__(self) -> Processes:
         if self.count > 1:

@@ -16,6 +16,9 @@ from simpick.errors import ConfigError, OutputError
 class RunFolder:
     """One run's files."""
 
+    LOG = "log.jsonl"
+    """Name of the log, one JSON object a line."""
+
     def __init__(self, folder: Path, identity: dict[str, Any], rank: int = 0) -> None:
         """Take a folder, made if missing.
 
@@ -26,7 +29,7 @@ class RunFolder:
         self.folder, self._rank = folder, rank
         self.weights = folder / "weights.safetensors"
         """Averaged weights, as an estimator loads them."""
-        self.log_file = folder / "log.jsonl"
+        self.log_file = folder / self.LOG
         self.shards = folder / "shards"
         self._state, self._config = folder / "state.pt", folder / "config.json"
         identity = json.loads(json.dumps(identity))

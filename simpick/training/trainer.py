@@ -23,6 +23,7 @@ from simpick.estimators.raypose.model import RayPose
 from simpick.estimators.raypose.schedule import make_schedule
 from simpick.training.batch_source import BatchSource
 from simpick.training.batches import TrainingBatch
+from simpick.training.interruption import Interruption
 from simpick.training.machine import Machine
 from simpick.training.processes import Processes
 from simpick.training.run_folder import RunFolder
@@ -30,6 +31,9 @@ from simpick.training.shard_stream import ShardStream
 from simpick.training.train_config import TrainConfig
 from simpick.training.training_step import loss_terms, matching_terms
 from simpick.training.validation import Validation
+
+LOG_STEPS = 20
+"""Every so many steps a row of the log says how training goes."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +79,7 @@ def train(
     Raises:
         ConfigError: the folder holds another run; more templates are trained with than the network takes.
         SimpickError: data cannot be made, or the loss is not a number any more.
+        KeyboardInterrupt: Ctrl-C or SIGTERM; the step at hand was finished and the state saved.
     """
     if config.templates > network.templates:
         raise ConfigError(f"templates must be at most the network's {network.templates}, got {config.templates}")
@@ -160,29 +165,43 @@ class _Trainer:
     def run(self) -> None:
         """Train until the budget is spent."""
         if self._progress() >= 1:
+            # A run that was stopped before its first validation, and given less time since, has no weights yet.
+            if self.processes.is_first and not self.run_folder.weights.exists():
+                self._validate(self._validation())
             return
         with BatchSource(
-            self.config, self.state.model.config, self.run_folder.shards, self.machine, self.processes, self.state.step
+            self.config, self.state.model.config, self._shards(), self.machine, self.processes, self.state.step
         ) as source:
             validation = self._validation() if self.processes.is_first else None
-            last = time.perf_counter()
-            validated_s = self.state.seconds
-            while True:
-                self._step(source.get(self.state.step))
-                now = time.perf_counter()
-                self.state.seconds += self.processes.agree(now - last)
-                last = now
-                ended = self._progress() >= 1
-                if self.state.step % 20 == 0 or ended:
-                    self._log(source)
-                if ended or self.state.seconds - validated_s >= self.machine.validate_every_s:
-                    validated_s = self.state.seconds
-                    if validation is not None:
-                        self._validate(validation)
-                    # Validation is not training: its time is not charged to the budget.
-                    last = time.perf_counter()
-                if ended:
-                    return
+            self.processes.wait()
+            with Interruption() as interruption:
+                self._loop(source, validation, interruption)
+
+    def _loop(self, source: BatchSource, validation: Validation | None, interruption: Interruption) -> None:
+        last = time.perf_counter()
+        validated_s = self.state.seconds
+        while True:
+            self._step(source.get(self.state.step))
+            now = time.perf_counter()
+            taken_s, stop = self.processes.agree(now - last, float(interruption.requested))
+            self.state.seconds += taken_s
+            last = now
+            ended = self._progress() >= 1
+            if self.state.step % LOG_STEPS == 0 or ended:
+                self._log(source)
+            if ended or self.state.seconds - validated_s >= self.machine.validate_every_s:
+                validated_s = self.state.seconds
+                if validation is not None:
+                    self._validate(validation)
+                # Validation is not training: its time is charged neither to this process nor to those that wait.
+                self.processes.wait()
+                last = time.perf_counter()
+            if ended:
+                return
+            if stop:
+                if self.processes.is_first:
+                    self.run_folder.save_state(self.state.save())
+                raise KeyboardInterrupt
 
     def _step(self, batch: TrainingBatch) -> None:
         config, state, device = self.config, self.state, self.processes.device
@@ -224,10 +243,13 @@ class _Trainer:
         self._row("train", {**means, "queries_per_s": rate, "waiting_share": source.waiting_share()})
 
     def _validation(self) -> Validation:
-        data, folder = self.config.data, self.run_folder.shards
-        with ShardStream(folder, data, split="validation", workers=0, ahead=0, keep=True) as stream:
+        data = self.config.data
+        with ShardStream(self._shards(), data, split="validation", workers=0, ahead=0, keep=True) as stream:
             shards = [stream.get(index) for index in range(self.config.validation_shards)]
-        return Validation(shards, self.state.model, self.config)
+        return Validation(shards, self.state.model.config, self.config)
+
+    def _shards(self) -> Path:
+        return self.machine.shards or self.run_folder.shards
 
     def _validate(self, validation: Validation) -> None:
         figures = validation.measure(self.state.average, self.schedule)

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
+from simpick.estimators.raypose.config import RayPoseConfig
 from simpick.estimators.raypose.inference import combine_views, sample_views
 from simpick.estimators.raypose.model import RayPose
 from simpick.estimators.raypose.schedule import Schedule
@@ -22,14 +23,19 @@ _PLAIN = AugmentationConfig(box_jitter=0.0, ragged_share=0.0, hidden_share=0.0, 
 class Validation:
     """The same held-out queries and templates every time."""
 
-    def __init__(self, shards: Sequence[Shard], model: RayPose, config: TrainConfig) -> None:
+    def __init__(self, shards: Sequence[Shard], network: RayPoseConfig, config: TrainConfig) -> None:
         rng = np.random.default_rng([config.seed, 8])
         self._config = config
         self._shards = list(shards)
         self._batches = []
         for shard in self._shards:
             rows = rng.permutation(len(shard))[: config.validation_queries]
-            self._batches.append(make_batch([shard], [rows], model.config, rng, augmentation=_PLAIN))
+            self._batches.append(make_batch([shard], [rows], network, rng, augmentation=_PLAIN))
+
+    @property
+    def queries(self) -> int:
+        """Return how many queries are measured."""
+        return sum(len(batch) for batch in self._batches)
 
     def measure(self, model: RayPose, schedule: Schedule) -> dict[str, float]:
         """Return medians and recalls of sampled poses, with as many templates as at run time."""

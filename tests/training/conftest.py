@@ -1,11 +1,14 @@
 """A shard small enough to be made in a second or two, made once."""
 
+from pathlib import Path
+
 import pytest
 
 from simpick.rendering import TemplateConfig
 from simpick.training.data_config import DataConfig
 from simpick.training.shard import Shard
 from simpick.training.shard_factory import make_shard
+from simpick.training.train_config import TrainConfig
 
 TINY = DataConfig(
     queries=6,
@@ -19,6 +22,26 @@ TINY = DataConfig(
     crop_px=96,
     templates=TemplateConfig(views=12, size_px=32),
 )
+
+TINY_TRAINING = TrainConfig(
+    batch=4,
+    parts=2,
+    templates=3,
+    uses=1000.0,
+    window=2,
+    warmup_steps=2,
+    data=TINY,
+    validation_shards=1,
+    validation_queries=3,
+    validation_steps=2,
+)
+"""So few steps that all are drawn from the first shards."""
+
+
+@pytest.fixture(scope="session")
+def tiny_shards(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder in which all runs on `TINY` find and leave their shards."""
+    return tmp_path_factory.mktemp("shards")
 
 
 @pytest.fixture(scope="session")

@@ -1,0 +1,36 @@
+"""`Interruption`: Ctrl-C and SIGTERM as a wish that a loop grants between two steps, never in the middle of one."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from types import FrameType
+from typing import Any
+
+
+class Interruption:
+    """A context manager. A second Ctrl-C raises KeyboardInterrupt at once.
+
+    SIGTERM is what torchrun sends its processes right after the Ctrl-C that they have seen themselves, so it never
+    counts as the second. Outside the main thread, where Python allows no handlers, nothing is changed.
+    """
+
+    def __init__(self) -> None:
+        self.requested = False
+        """Whether the loop shall end."""
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> Interruption:
+        if threading.current_thread() is threading.main_thread():
+            self._before = {number: signal.signal(number, self._note) for number in (signal.SIGINT, signal.SIGTERM)}
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+        self._before = {}
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        if self.requested and number == signal.SIGINT:
+            raise KeyboardInterrupt
+        self.requested = True

@@ -1,0 +1,71 @@
+"""``simpick train`` and ``simpick ablate`` for a few steps on the smallest data."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import cv2
+import pytest
+
+from simpick.cli.main import main
+from tests.training.conftest import TINY_TRAINING
+
+pytestmark = pytest.mark.render
+
+
+@pytest.fixture(scope="module")
+def options(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    folder = tmp_path_factory.mktemp("options")
+    file = folder / "tiny.json"
+    file.write_text(json.dumps(asdict(TINY_TRAINING)))
+    machine = ["--device", "cpu", "--renderers", "0", "--shards", str(folder / "shards")]
+    return ["--config", str(file), "--size", "tiny", "--steps", "2", *machine]
+
+
+def test_training_leaves_weights_and_curves_and_goes_on(options: list[str], tmp_path: Path, capsys) -> None:
+    out = ["--out", str(tmp_path / "run")]
+    assert main(["train", "coarse", *options, *out, "--no-multiview", "--batch", "2"]) == 0
+    assert {"weights.safetensors", "curves.png", "scaling.png", "curves.rrd"} <= {
+        file.name for file in (tmp_path / "run").iterdir()
+    }
+    curves = cv2.imread(str(tmp_path / "run" / "curves.png"))
+    assert curves is not None and curves.std() > 5
+    kept = json.loads((tmp_path / "run" / "config.json").read_text())
+    assert kept["network"]["spread_deg"] == 180 and kept["network"]["multiview"] is False
+    assert kept["training"]["batch"] == 2 and kept["training"]["data"]["crop_px"] == TINY_TRAINING.data.crop_px
+    capsys.readouterr()
+    assert main(["train", "fine", *options, *out]) == 2
+    assert "holds a run with another" in capsys.readouterr().err
+
+
+def test_training_refuses_what_contradicts_itself(options: list[str], tmp_path: Path, capsys) -> None:
+    out = ["--out", str(tmp_path / "run")]
+    assert main(["train", "coarse", *options, *out, "--spread-deg", "20"]) == 2
+    assert "templates are spread over the whole sphere" in capsys.readouterr().err
+    assert main(["train", "fine", "--size", "tiny", *out]) == 2
+    assert "give minutes or steps" in capsys.readouterr().err
+    (tmp_path / "bad.json").write_text('{"data": {"quries": 3}}')
+    assert main(["train", "fine", "--steps", "1", *out, "--config", str(tmp_path / "bad.json")]) == 2
+    assert "data: quries. Settings:" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
+def test_ablations_fill_both_tables_and_go_on(options: list[str], tmp_path: Path) -> None:
+    assert main(["ablate", "paper", *options, "--out", str(tmp_path)]) == 0
+    text = (tmp_path / "paper.md").read_text()
+    results = json.loads((tmp_path / "paper.json").read_text())
+    assert len(results) == 8 and text.count("| own |") == text.count("| common |") == 10
+    assert {result["queries"] for result in results} == {2 * TINY_TRAINING.batch}
+    state = (tmp_path / "absolute" / "state.pt").stat().st_mtime_ns
+    assert main(["ablate", "paper", *options, "--out", str(tmp_path)]) == 0
+    assert (tmp_path / "absolute" / "state.pt").stat().st_mtime_ns == state, "what is finished is not trained again"
+    assert json.loads((tmp_path / "paper.json").read_text()) == results
+
+
+def test_schedules_are_compared_at_every_number_of_steps(options: list[str], tmp_path: Path) -> None:
+    assert main(["ablate", "schedules", *options, "--out", str(tmp_path)]) == 0
+    rows = json.loads((tmp_path / "schedules.json").read_text())
+    assert [(row["label"], row["steps"]) for row in rows] == [
+        (name, steps) for name in ("log_snr", "cosine", "linear") for steps in (1, 3, 5, 10)
+    ]
+    assert all(row["ms_per_query"] > 0 for row in rows)

@@ -1,0 +1,196 @@
+"""Training runs of a few steps at the smallest size: exact resume, and what stops a run."""
+
+import json
+import os
+import signal
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from simpick.errors import ConfigError, SimpickError
+from simpick.estimators.raypose.checkpoints import load_checkpoint
+from simpick.estimators.raypose.config import preset
+from simpick.estimators.raypose.losses import LossWeights
+from simpick.training import trainer
+from simpick.training.machine import Machine
+from simpick.training.train_config import TrainConfig
+from simpick.training.trainer import Budget, train
+from tests.training.conftest import TINY, TINY_TRAINING
+
+pytestmark = pytest.mark.render
+
+NETWORK = replace(preset("tiny"), templates=3)
+STEPS = 6
+
+
+@pytest.fixture
+def machine(tiny_shards: Path) -> Machine:
+    return Machine(device="cpu", renderers=0, shards=tiny_shards)
+
+
+@pytest.fixture(scope="module")
+def straight(tiny_shards: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run without interruption."""
+    folder = tmp_path_factory.mktemp("straight")
+    train(NETWORK, TINY_TRAINING, Budget(steps=STEPS), folder, machine=Machine("cpu", 0, shards=tiny_shards))
+    return folder
+
+
+def saved(folder: Path) -> dict:
+    return torch.load(folder / "state.pt", weights_only=True)
+
+
+def test_a_run_that_was_interrupted_goes_on_bit_by_bit(straight: Path, machine: Machine, tmp_path: Path) -> None:
+    def interrupt(row: dict, progress: float) -> None:
+        if row["step"] == 2:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    before = signal.getsignal(signal.SIGINT)
+    often = replace(machine, validate_every_s=0.0)
+    with pytest.raises(KeyboardInterrupt):
+        train(NETWORK, TINY_TRAINING, Budget(steps=STEPS), tmp_path, machine=often, on_row=interrupt)
+    assert signal.getsignal(signal.SIGINT) is before
+    assert saved(tmp_path)["step"] == 3, "the step at hand is finished first"
+    train(NETWORK, TINY_TRAINING, Budget(steps=STEPS), tmp_path, machine=machine)
+    ours, theirs = saved(tmp_path), saved(straight)
+    assert ours["step"] == theirs["step"] == STEPS
+    for kind in ("model", "average"):
+        for name, tensor in theirs[kind].items():
+            assert torch.equal(ours[kind][name], tensor), name
+    for number, moments in theirs["optimizer"]["state"].items():
+        assert torch.equal(ours["optimizer"]["state"][number]["exp_avg_sq"], moments["exp_avg_sq"])
+    assert ours["seconds"] > 0
+
+
+def test_training_moves_the_weights_and_their_average_follows(straight: Path, machine: Machine, tmp_path: Path) -> None:
+    train(NETWORK, TINY_TRAINING, Budget(steps=1), tmp_path, machine=machine)
+    one, six = saved(tmp_path), saved(straight)
+    moved = [name for name in six["model"] if not torch.equal(one["model"][name], six["model"][name])]
+    assert len(moved) > 0.9 * len(six["model"])
+    assert any(not torch.equal(six["average"][name], six["model"][name]) for name in six["model"])
+
+
+def test_the_log_has_the_loss_the_rates_and_sampled_poses(straight: Path) -> None:
+    rows = [json.loads(line) for line in (straight / "log.jsonl").read_text().splitlines()]
+    last = {row["split"]: row for row in rows}
+    assert last["train"]["step"] == STEPS and last["train"]["queries"] == STEPS * TINY_TRAINING.batch
+    assert last["train"]["loss"] > 0 and last["train"]["matching"] > 0 and last["train"]["queries_per_s"] > 0
+    assert 0 <= last["train"]["waiting_share"] <= 1
+    assert 0 <= last["validation"]["rotation_deg"] <= 180
+    assert last["validation"]["below_5_deg"] <= last["validation"]["below_30_deg"] <= 1
+
+
+def test_the_weights_come_with_their_card(straight: Path) -> None:
+    checkpoint = load_checkpoint(straight / "weights.safetensors")
+    assert checkpoint.model.config == NETWORK
+    card, rows = checkpoint.card, (straight / "log.jsonl").read_text().splitlines()
+    assert card["steps"] == STEPS and card["queries"] == STEPS * TINY_TRAINING.batch
+    assert card["training"]["data"]["crop_px"] == TINY.crop_px
+    logged = [row for row in map(json.loads, rows) if row["split"] == "validation"][-1]
+    assert card["validation"] == {name: logged[name] for name in card["validation"]} and card["validation"]
+    assert card["hours"] == pytest.approx(saved(straight)["seconds"] / 3600)
+    average = saved(straight)["average"]
+    for name, tensor in checkpoint.model.state_dict().items():
+        assert torch.equal(tensor, average[name].half().float()), name
+
+
+def test_a_finished_run_does_nothing_more(straight: Path, machine: Machine) -> None:
+    before = (straight / "log.jsonl").read_text()
+    assert train(NETWORK, TINY_TRAINING, Budget(steps=STEPS), straight, machine=machine).exists()
+    assert (straight / "log.jsonl").read_text() == before
+
+
+def test_a_run_begins_with_given_weights(straight: Path, machine: Machine, tmp_path: Path) -> None:
+    slow = replace(TINY_TRAINING, learning_rate=1e-12)
+    train(NETWORK, slow, Budget(steps=1), tmp_path, machine=machine, start_from=straight / "weights.safetensors")
+    for name, tensor in saved(straight)["average"].items():
+        assert torch.allclose(saved(tmp_path)["model"][name], tensor.half().float(), atol=1e-6), name
+
+
+def test_weights_of_another_size_are_refused(straight: Path, machine: Machine, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"must hold weights of this network's size"):
+        train(
+            replace(NETWORK, width=64),
+            TINY_TRAINING,
+            Budget(steps=1),
+            tmp_path,
+            machine=machine,
+            start_from=straight / "weights.safetensors",
+        )
+
+
+def test_a_folder_of_another_run_is_refused_with_what_differs(straight: Path, machine: Machine) -> None:
+    other = replace(TINY_TRAINING, learning_rate=5e-4, data=replace(TINY, tilt_deg=10.0))
+    with pytest.raises(
+        ConfigError,
+        match=r"holds a run with another network\.spread_deg, training\.data\.tilt_deg, training\.learning_rate; "
+        r"choose another folder with --out",
+    ):
+        train(replace(NETWORK, spread_deg=15.0), other, Budget(steps=STEPS), straight, machine=machine)
+
+
+def test_a_damaged_state_is_said_and_kept(straight: Path, machine: Machine, tmp_path: Path) -> None:
+    (tmp_path / "config.json").write_bytes((straight / "config.json").read_bytes())
+    damaged = (straight / "state.pt").read_bytes()[:5000]
+    (tmp_path / "state.pt").write_bytes(damaged)
+    with pytest.raises(ConfigError, match=r"state\.pt is damaged .* delete it to begin anew"):
+        train(NETWORK, TINY_TRAINING, Budget(steps=STEPS), tmp_path, machine=machine)
+    assert (tmp_path / "state.pt").read_bytes() == damaged
+
+
+def test_a_loss_that_is_not_a_number_ends_the_run_and_saves_nothing(
+    machine: Machine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(trainer, "weighted_sum", lambda terms, weights: sum(terms.values()) * torch.tensor(torch.nan))
+    with pytest.raises(SimpickError, match=r"the loss is not a number any more at step 0; .* lower learning_rate"):
+        train(NETWORK, TINY_TRAINING, Budget(steps=STEPS), tmp_path, machine=machine)
+    assert not (tmp_path / "state.pt").exists() and not (tmp_path / "weights.safetensors").exists()
+
+
+def test_more_templates_than_the_network_takes_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"templates must be at most the network's 3, got 4"):
+        train(NETWORK, replace(TINY_TRAINING, templates=4), Budget(steps=1), tmp_path)
+
+
+@pytest.mark.parametrize("budget", [{}, {"steps": 0}, {"minutes": -1.0}])
+def test_a_run_needs_an_end(budget: dict) -> None:
+    with pytest.raises(ConfigError, match=r"give minutes or steps|must be above 0, got"):
+        Budget(**budget)
+
+
+def test_the_budget_that_is_spent_first_ends_a_run() -> None:
+    budget = Budget(minutes=2.0, steps=100)
+    assert budget.progress(50, 30.0) == 0.5
+    assert budget.progress(50, 120.0) == 1.0
+
+
+def test_the_learning_rate_rises_stays_and_falls() -> None:
+    config = TrainConfig(learning_rate=1.0, warmup_steps=10, cooldown_share=0.5)
+    assert config.learning_rate_at(0, 0.0) == pytest.approx(0.1)
+    assert config.learning_rate_at(9, 0.2) == config.learning_rate_at(50, 0.5) == 1.0
+    assert config.learning_rate_at(99, 1.0) == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"batch": 0}, "batch must be 1 or more, got 0"),
+        ({"batch": 5, "parts": 2}, "parts must divide batch, got parts=2, batch=5"),
+        ({"window": 2}, "window must hold as many shards as parts=4, got 2"),
+        ({"learning_rate": float("nan")}, "learning_rate must be above 0, got nan"),
+        ({"average_decay": 1.0}, "average_decay must be from 0 to below 1, got 1.0"),
+        ({"warmup_steps": -1}, "warmup_steps and weight_decay must be 0 or more, got -1 and 0.01"),
+        ({"schedule": "quadratic"}, "schedule must be one of log_snr, cosine, linear, got 'quadratic'"),
+    ],
+)
+def test_settings_out_of_range_are_refused(change: dict, message: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        TrainConfig(**change)
+    assert message in str(caught.value)
+
+
+def test_a_weight_below_zero_is_refused() -> None:
+    with pytest.raises(ConfigError, match="the weight of matching must be 0 or more, got -1"):
+        LossWeights(matching=-1.0)
