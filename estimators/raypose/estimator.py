@@ -262,4 +262,5 @@ def _repeated(templates: TemplateTokens, count: int) -> TemplateTokens:
     tensors = {
         name: expand(getattr(templates, name)) for name in ("tokens", "descriptors", "points", "coverage", "diameter_m")
     }
-    return dataclasses.replace(templates, poses=poses, **tensors)
+    kv = [(expand(k), expand(v)) for k, v in templates.kv]
+    return dataclasses.replace(templates, poses=poses, kv=kv, **tensors)

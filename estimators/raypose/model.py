@@ -61,6 +61,8 @@ class TemplateTokens:
     coverage: Float[Tensor, "batch views cells"]
     poses: ViewPoses
     diameter_m: Float[Tensor, "batch"]
+    kv: Sequence[KeysValues] = ()
+    """Once fused: each decoder block's keys and values of the tokens."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +130,10 @@ class RayPose(nn.Module):
         )
 
     def fuse(self, templates: TemplateTokens) -> TemplateTokens:
-        """Return the templates with their poses told and after all views have seen one another (E_V and E_F)."""
+        """Return the templates with their poses told and after all views have seen one another (E_V and E_F).
+
+        With their keys and values for the decoder, which depend on no query.
+        """
         views, poses = templates.tokens.shape[1], templates.poses
         tokens = templates.tokens + self.view_position[:views, None]
         if self.config.template_pose:
@@ -137,11 +142,11 @@ class RayPose(nn.Module):
             points = _in_view(templates.points, poses, templates.diameter_m)
             geometry = self._patches(torch.cat([points, templates.coverage[..., None]], dim=-1))
             tokens = tokens + posed.unflatten(0, (-1, views)) + self.embed_geometry(geometry)
-        if self.config.multiview:
-            tokens = self.fuser(tokens.flatten(1, 2)).unflatten(1, (views, -1))
-        else:
-            tokens = self.fuser(tokens.flatten(0, 1)).unflatten(0, (-1, views))
-        return dataclasses.replace(templates, tokens=tokens)
+        # Without multiview, every template is a group of its own.
+        first = 1 if self.config.multiview else 0
+        fused = self.fuser(tokens.flatten(first, first + 1))  # (groups, tokens, width)
+        kv = self.decoder.keys_values(fused)
+        return dataclasses.replace(templates, tokens=fused.reshape(tokens.shape), kv=kv)
 
     def condition(self, query: QueryTokens, fused: TemplateTokens) -> Conditioning:
         """Return what the decoder needs; `fused` must have one set of templates for each query."""
@@ -154,12 +159,15 @@ class RayPose(nn.Module):
             matches, solved = self._match(query, fused)
             base = base + self.embed_matches(self._patches(self._match_features(query, fused, matches, solved)))
             first = self._maps_of(solved, reference, fused.diameter_m)
-        if self.config.multiview:
-            context = torch.cat([query.tokens, fused.tokens.flatten(1, 2)], dim=1)
-        else:
+        own = query.tokens
+        if not self.config.multiview:
             base, first = base.flatten(0, 1)[:, None], first.flatten(0, 1)[:, None]
-            context = torch.cat([query.tokens.repeat_interleave(views, 0), fused.tokens.flatten(0, 1)], dim=1)
-        return Conditioning(base, self.decoder.keys_values(context), reference, first, matches)
+            own = own.repeat_interleave(views, 0)
+        kv = [
+            (torch.cat([k, template_k], dim=2), torch.cat([v, template_v], dim=2))
+            for (k, v), (template_k, template_v) in zip(self.decoder.keys_values(own), fused.kv, strict=True)
+        ]
+        return Conditioning(base, kv, reference, first, matches)
 
     def denoise(
         self, maps: Float[Tensor, "batch views p p 6"], log_snr: Float[Tensor, "batch"], conditioning: Conditioning

@@ -91,9 +91,9 @@ def test_keys_and_values_are_computed_once_for_all_steps() -> None:
     model.image_encoder.register_forward_hook(lambda *_: calls.append(10))
     with torch.inference_mode():
         conditioning = condition(model, random_query(2), random_templates(2))
-        assert sorted(calls) == [1, 1, 10, 10]
+        assert sorted(calls) == [1, 1, 1, 1, 10, 10]
         sample_views(model, conditioning, make_schedule(), 7, torch.Generator().manual_seed(0))
-    assert sorted(calls) == [1, 1, 10, 10]
+    assert sorted(calls) == [1, 1, 1, 1, 10, 10]
 
 
 @pytest.mark.parametrize("multiview", [True, False])
