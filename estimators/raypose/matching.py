@@ -44,17 +44,17 @@ class Matches:
         reference: ViewPoses,
         scale: Float[Tensor, "batch views"],
         coverage: Float[Tensor, "batch query_cells"],
-        grid: Float[Tensor, "query_cells 2"],
+        places: Float[Tensor, "batch query_cells 2"],
     ) -> Float[Tensor, "batch views query_cells 11"]:
         """Return what the decoder is told of each cell, for each view.
 
-        Where in the reference view the match lies (3), the solved pose's residual (2), the cell's place (2), spread,
+        Where in the reference view the match lies (3), the solved pose's residual (2), its place (2), spread,
         likeness, weight and coverage. `scale` is the part's diameter over each reference view's reach.
         """
         turned = torch.einsum("bkij,bnj->bkni", reference.R, self.points) * scale[..., None, None]
         views = turned.shape[1]
         own = torch.stack([self.spread * 4, self.likeness, self.weights, coverage], dim=-1)  # (batch, cells, 4)
-        shared = torch.cat([own, grid.expand(*own.shape[:-1], 2)], dim=-1)
+        shared = torch.cat([own, places], dim=-1)
         return torch.cat([turned, 4 * solved.residuals, shared[:, None].expand(-1, views, -1, -1)], dim=-1)
 
 

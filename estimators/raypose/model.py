@@ -15,7 +15,7 @@ from simpick.estimators.raypose.config import RayPoseConfig
 from simpick.estimators.raypose.decoder import Decoder
 from simpick.estimators.raypose.image_encoder import make_image_encoder
 from simpick.estimators.raypose.layers import KeysValues, SelfAttentionBlock, mlp
-from simpick.estimators.raypose.matching import FEATURES, Matcher, Matches
+from simpick.estimators.raypose.matching import FEATURES, MIN_COVERAGE, Matcher, Matches
 from simpick.estimators.raypose.pose_maps import CHANNELS, ViewPoses, cell_centres, encode_pose_maps
 from simpick.estimators.raypose.pose_solver import ITERATIONS, SolvedPoses, solve_poses, support
 from simpick.estimators.raypose.view_encoder import ViewEncoder
@@ -72,6 +72,8 @@ class QueryTokens:
     tokens: Float[Tensor, "batch tokens width"]
     descriptors: Float[Tensor, "batch cells match_width"]
     coverage: Float[Tensor, "batch cells"]
+    places: Float[Tensor, "batch cells 2"]
+    """Mean place of each cell's pixels of the mask, in half crop sides: matched points are means over them."""
     half_tangent: Float[Tensor, "batch"]
 
 
@@ -113,7 +115,8 @@ class RayPose(nn.Module):
         """Return a query's tokens and descriptors: image and box, since its pose is what is asked for."""
         features = self.image_encoder(inputs.rgb, inputs.masks)  # (batch, local width, cells, cells)
         tokens = self._image_tokens(features) + self.view_encoder.encode_box(inputs.half_tangent)
-        return QueryTokens(tokens, self.matcher.describe(features), self._coverage(inputs.masks), inputs.half_tangent)
+        coverage, places = self._coverage_and_places(inputs.masks)
+        return QueryTokens(tokens, self.matcher.describe(features), coverage, places, inputs.half_tangent)
 
     def encode_templates(self, inputs: TemplateInputs) -> TemplateTokens:
         """Return what templates' images say: tokens and descriptors, before poses are told."""
@@ -192,8 +195,9 @@ class RayPose(nn.Module):
         """Return how much of what is seen is matched where each pose says, in [0, 1]; multiview networks only."""
         log_scale = (diameter_m[:, None] / poses.reach_m).log()
         pose = SolvedPoses(poses.R, poses.centre, log_scale, poses.centre[:, :, None])
-        weights = matches.weights * matches.likeness.clamp_min(0)
-        return support(matches.points, self._grid(query), weights, query.coverage, query.half_tangent, pose)
+        # Not the trust, which is only relative.
+        weights = (query.coverage >= MIN_COVERAGE) * matches.likeness.clamp_min(0)
+        return support(matches.points, query.places, weights, query.coverage, query.half_tangent, pose)
 
     def first_support(self, query: QueryTokens, fused: TemplateTokens) -> Float[Tensor, "batch"]:
         """Return the support of the best pose solved from matches alone: what a search over turns goes by."""
@@ -221,7 +225,7 @@ class RayPose(nn.Module):
         Without multiview, every template is a query's only one: as many groups as templates, of one view each.
         """
         views, multiview = fused.tokens.shape[1], self.config.multiview
-        grid, poses = self._grid(query), fused.poses
+        poses = fused.poses
         log_scale = (fused.diameter_m[:, None] / poses.reach_m).log()
         start = SolvedPoses(poses.R, poses.centre, log_scale, poses.centre[:, :, None])
         if not multiview:
@@ -232,7 +236,7 @@ class RayPose(nn.Module):
             x.flatten(first, first + 1) for x in (fused.descriptors, fused.points, fused.coverage)
         )
         matches = self.matcher.match(query.descriptors, descriptors, points, coverage, query.coverage)
-        solved = solve_poses(matches.points, grid, matches.weights, query.half_tangent, start, iterations)
+        solved = solve_poses(matches.points, query.places, matches.weights, query.half_tangent, start, iterations)
         return matches, solved if multiview else _map(solved, lambda x: x.squeeze(1).unflatten(0, (-1, views)))
 
     def _match_features(
@@ -242,15 +246,12 @@ class RayPose(nn.Module):
         reference, views = self.reference(fused), fused.tokens.shape[1]
         scale = fused.diameter_m[:, None] / reference.reach_m
         if self.config.multiview:
-            return matches.features(solved, reference, scale, query.coverage, self._grid(query))
+            return matches.features(solved, reference, scale, query.coverage, query.places)
         reference = _map(reference, lambda x: x.flatten(0, 1)[:, None])
         solved = _map(solved, lambda x: x.flatten(0, 1)[:, None])
-        coverage = query.coverage.repeat_interleave(views, 0)
-        features = matches.features(solved, reference, scale.flatten()[:, None], coverage, self._grid(query))
+        coverage, places = (x.repeat_interleave(views, 0) for x in (query.coverage, query.places))
+        features = matches.features(solved, reference, scale.flatten()[:, None], coverage, places)
         return features.squeeze(1).unflatten(0, (-1, views))
-
-    def _grid(self, query: QueryTokens) -> Float[Tensor, "cells 2"]:
-        return cell_centres(self.config.local_cells, device=query.tokens.device).flatten(0, 1)
 
     def _maps_of(
         self, solved: SolvedPoses, reference: ViewPoses, diameter_m: Float[Tensor, "batch"]
@@ -268,8 +269,17 @@ class RayPose(nn.Module):
         x = cells.unflatten(-2, (p, s, p, s)).movedim(-3, -4)  # (..., p, p, s, s, channels)
         return x.flatten(-3).flatten(-3, -2)
 
-    def _coverage(self, masks: Float[Tensor, "batch size size"]) -> Float[Tensor, "batch cells"]:
-        return nn.functional.adaptive_avg_pool2d(masks[:, None], self.config.local_cells).flatten(1)
+    def _coverage_and_places(
+        self, masks: Float[Tensor, "batch size size"]
+    ) -> tuple[Float[Tensor, "batch cells"], Float[Tensor, "batch cells 2"]]:
+        size, cells = masks.shape[-1], self.config.local_cells
+        pixels = cell_centres(size, device=masks.device).movedim(-1, 0)  # (2, size, size)
+        channels = torch.cat([masks[:, None], masks[:, None] * pixels], dim=1)
+        pooled = nn.functional.adaptive_avg_pool2d(channels, cells).flatten(2).mT  # (batch, cells, 3)
+        coverage = pooled[..., 0]
+        places = pooled[..., 1:] / coverage.clamp_min(1e-6)[..., None]
+        centres = cell_centres(cells, device=masks.device).flatten(0, 1)
+        return coverage, torch.where(coverage[..., None] > 1e-3, places, centres)
 
 
 def _in_view(

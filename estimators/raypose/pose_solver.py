@@ -33,18 +33,18 @@ class SolvedPoses:
     log_scale: Float[Tensor, "batch views"]
     """Logarithm of the part's diameter over the view's reach."""
     residuals: Float[Tensor, "batch views cells 2"]
-    """Where each cell is, less where its matched point appears, in half crop sides."""
+    """Where each cell's pixels are, less where its matched point appears, in half crop sides."""
 
 
 def solve_poses(
     points: Float[Tensor, "batch cells 3"],
-    grid: Float[Tensor, "cells 2"],
+    places: Float[Tensor, "batch cells 2"],
     weights: Float[Tensor, "batch cells"],
     half_tangent: Float[Tensor, "batch"],
     start: SolvedPoses,
     iterations: int = ITERATIONS,
 ) -> SolvedPoses:
-    """Return the poses that project `points` (part frame, diameters) closest to `grid`, from each start.
+    """Return the poses that project `points` (part frame, diameters) closest to `places`, from each start.
 
     Every iteration but the last is without gradient: the last, from where the others ended, carries the gradient of
     the solution with respect to points and weights.
@@ -55,34 +55,34 @@ def solve_poses(
         pose = start
         with torch.no_grad():
             for _ in range(iterations - 1):
-                pose = _step(points, grid, weights, half_tangent, pose)
-        pose = _step(points, grid, weights, half_tangent, pose)
-        residuals, _ = _project(points, grid, half_tangent, pose)
+                pose = _step(points, places, weights, half_tangent, pose)
+        pose = _step(points, places, weights, half_tangent, pose)
+        residuals, _ = _project(points, places, half_tangent, pose)
         return SolvedPoses(pose.R, pose.centre, pose.log_scale, residuals)
 
 
 def support(
     points: Float[Tensor, "batch cells 3"],
-    grid: Float[Tensor, "cells 2"],
+    places: Float[Tensor, "batch cells 2"],
     weights: Float[Tensor, "batch cells"],
     coverage: Float[Tensor, "batch cells"],
     half_tangent: Float[Tensor, "batch"],
     pose: SolvedPoses,
 ) -> Float[Tensor, "batch views"]:
     """Return how much of the part's visible area is matched where the pose says, in [0, 1]."""
-    r, _ = _project(points, grid, half_tangent, pose)
+    r, _ = _project(points, places, half_tangent, pose)
     agreement = (1 + r.square().sum(dim=-1) / _KERNEL**2).square().reciprocal()
     return (weights[:, None] * agreement).sum(dim=-1) / coverage.sum(dim=-1, keepdim=True).clamp_min(1e-6)
 
 
 def _step(
     points: Float[Tensor, "batch cells 3"],
-    grid: Float[Tensor, "cells 2"],
+    places: Float[Tensor, "batch cells 2"],
     weights: Float[Tensor, "batch cells"],
     half_tangent: Float[Tensor, "batch"],
     pose: SolvedPoses,
 ) -> SolvedPoses:
-    r, seen = _project(points, grid, half_tangent, pose)  # (batch, views, cells, 2), (batch, views, cells, 3)
+    r, seen = _project(points, places, half_tangent, pose)  # (batch, views, cells, 2), (batch, views, cells, 3)
     robust = (1 + r.detach().square().sum(dim=-1) / _KERNEL**2).square().reciprocal()
     w = weights[:, None] * robust  # (batch, views, cells)
     x, y, z = seen.unbind(dim=-1)
@@ -107,7 +107,7 @@ def _step(
 
 def _project(
     points: Float[Tensor, "batch cells 3"],
-    grid: Float[Tensor, "cells 2"],
+    places: Float[Tensor, "batch cells 2"],
     half_tangent: Float[Tensor, "batch"],
     pose: SolvedPoses,
 ) -> tuple[Float[Tensor, "batch views cells 2"], Float[Tensor, "batch views cells 3"]]:
@@ -115,4 +115,4 @@ def _project(
     seen = torch.einsum("bkij,bnj->bkni", pose.R, points) * pose.log_scale.exp()[..., None, None]
     perspective = 1 + half_tangent[:, None, None] * seen[..., 2]
     projected = (seen[..., :2] + pose.centre[:, :, None]) / perspective[..., None]
-    return grid - projected, seen
+    return places[:, None] - projected, seen

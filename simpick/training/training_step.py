@@ -10,7 +10,7 @@ from simpick.estimators.raypose import losses
 from simpick.estimators.raypose.matching import MIN_COVERAGE, Matches
 from simpick.estimators.raypose.model import RayPose
 from simpick.estimators.raypose.objective import add_noise
-from simpick.estimators.raypose.pose_maps import encode_pose_maps
+from simpick.estimators.raypose.pose_maps import ViewPoses, encode_pose_maps
 from simpick.estimators.raypose.schedule import Schedule
 from simpick.training.batches import TrainingBatch
 
@@ -29,17 +29,15 @@ def loss_terms(
     predicted = model.denoise(add_noise(target, noise, log_snr), log_snr, conditioning).float()
     terms = losses.pose_map_losses(predicted, target, batch.truth, conditioning.reference, config.padding)
     if conditioning.matches is not None:
-        terms |= _matching(model, batch, conditioning.matches, conditioning.first, target)
+        terms |= _matching(model, batch, conditioning.matches, conditioning.first, conditioning.reference)
     return terms
 
 
 def matching_terms(model: RayPose, batch: TrainingBatch) -> dict[str, Float[Tensor, ""]]:
     """Return only the terms of matching and of the pose solved from it, without fuser and decoder."""
-    config = model.config
     query, templates = model.encode_query(batch.query), model.encode_templates(batch.templates)
     matches, first = model.first_maps(query, templates)
-    target = encode_pose_maps(batch.truth, model.reference(templates), config.map_cells, config.padding)
-    return _matching(model, batch, matches, first, target)
+    return _matching(model, batch, matches, first, model.reference(templates))
 
 
 def _matching(
@@ -47,7 +45,7 @@ def _matching(
     batch: TrainingBatch,
     matches: Matches,
     first: Float[Tensor, "groups views tokens 6"],
-    target: Float[Tensor, "batch views p p 6"],
+    reference: ViewPoses,
 ) -> dict[str, Float[Tensor, ""]]:
     points, covered = batch.templates.points, batch.templates.coverage >= MIN_COVERAGE
     query_points, seen = batch.points, batch.seen
@@ -57,10 +55,13 @@ def _matching(
         views = points.shape[1]
         points, covered = points.flatten(0, 1), covered.flatten(0, 1)
         query_points, seen = query_points.repeat_interleave(views, 0), seen.repeat_interleave(views, 0)
+    config = model.config
+    target = encode_pose_maps(batch.truth, reference, config.map_cells, config.padding)
     log_probabilities, maps = matches.log_probabilities.float(), first.reshape(target.shape).float()
     return {
         "matching": losses.matching(log_probabilities, query_points, seen, points, covered),
         "matched_points": losses.matched_points(matches.points.float(), query_points, seen),
         "first": losses.ray_reconstruction(maps[..., :3], target[..., :3])
-        + losses.translation_reconstruction(maps[..., 3:], target[..., 3:]),
+        + losses.translation_reconstruction(maps[..., 3:], target[..., 3:])
+        + losses.translation_xyz(maps[..., 3:], batch.truth, reference, config.padding),
     }

@@ -152,13 +152,13 @@ def test_match_features_lie_in_each_view() -> None:
     reference = ViewPoses(R, torch.zeros(1, 2, 2), torch.ones(1, 2))
     residuals = torch.tensor([[[[0.1, 0.2]], [[0.3, 0.4]]]])
     solved = SolvedPoses(R, torch.zeros(1, 2, 2), torch.zeros(1, 2), residuals)
-    grid = torch.tensor([[-0.5, 0.5]])
-    features = matches.features(solved, reference, torch.tensor([[1.0, 2.0]]), torch.tensor([[0.7]]), grid)
+    places = torch.tensor([[[-0.5, 0.5]]])
+    features = matches.features(solved, reference, torch.tensor([[1.0, 2.0]]), torch.tensor([[0.7]]), places)
     assert features.shape == (1, 2, 1, FEATURES)
     torch.testing.assert_close(features[0, :, 0, :3], torch.tensor([[0.1, 0.0, 0.0], [0.0, 0.2, 0.0]]))
     torch.testing.assert_close(features[0, :, 0, 3:5], 4 * residuals[0, :, 0])
     torch.testing.assert_close(features[0, :, 0, [6, 8]], torch.tensor([[1.0, 0.7], [1.0, 0.7]]))
-    torch.testing.assert_close(features[0, :, 0, 9:], grid.expand(2, 2))
+    torch.testing.assert_close(features[0, :, 0, 9:], places[0].expand(2, 2))
 
 
 def test_no_covered_cell_still_gives_finite_matches() -> None:

@@ -7,12 +7,12 @@ from simpick.estimators.raypose.pose_maps import cell_centres
 from simpick.estimators.raypose.pose_solver import SolvedPoses, solve_poses, support
 from simpick.geometry.torch_rotations import random_rotations, rotation_angle, so3_exp
 
-GRID = cell_centres(8).flatten(0, 1)
+GRID = cell_centres(8).flatten(0, 1).expand(4, -1, -1)
 HALF_TANGENT = torch.full((4,), 0.08)
 
 
 def pose(R, centre, log_scale) -> SolvedPoses:
-    return SolvedPoses(R, centre, log_scale, torch.zeros(*log_scale.shape, len(GRID), 2))
+    return SolvedPoses(R, centre, log_scale, torch.zeros(*log_scale.shape, GRID.shape[1], 2))
 
 
 def scene(seed: int = 0) -> tuple[torch.Tensor, SolvedPoses]:
@@ -21,7 +21,7 @@ def scene(seed: int = 0) -> tuple[torch.Tensor, SolvedPoses]:
     R = random_rotations((4, 1), g)
     centre = 0.2 * torch.randn((4, 1, 2), generator=g)
     log_scale = torch.log(torch.tensor([[1.0], [1.3], [0.8], [1.6]]))
-    z = 0.5 * torch.randn((4, len(GRID)), generator=g)
+    z = 0.5 * torch.randn((4, GRID.shape[1]), generator=g)
     perspective = (1 + HALF_TANGENT[:, None] * z)[..., None]
     seen = torch.cat([GRID * perspective - centre, z[..., None]], dim=-1)
     points = torch.einsum("bji,bnj->bni", R[:, 0], seen) / log_scale.exp()[..., None]
@@ -41,7 +41,7 @@ def error_deg(found: SolvedPoses, truth: SolvedPoses) -> torch.Tensor:
 @pytest.mark.parametrize("deg", [5.0, 30.0, 50.0])
 def test_exact_matches_give_the_exact_pose(deg) -> None:
     points, truth = scene()
-    found = solve_poses(points, GRID, torch.ones(4, len(GRID)), HALF_TANGENT, off(truth, deg), iterations=20)
+    found = solve_poses(points, GRID, torch.ones(4, GRID.shape[1]), HALF_TANGENT, off(truth, deg), iterations=20)
     assert error_deg(found, truth).max() < 0.2
     torch.testing.assert_close(found.centre, truth.centre, atol=2e-3, rtol=0)
     torch.testing.assert_close(found.log_scale, truth.log_scale, atol=5e-3, rtol=0)
@@ -52,13 +52,13 @@ def test_a_quarter_of_wrong_matches_does_little() -> None:
     points, truth = scene()
     wrong = points.clone()
     wrong[:, ::4] = wrong[:, ::4].roll(1, dims=1)
-    found = solve_poses(wrong, GRID, torch.ones(4, len(GRID)), HALF_TANGENT, off(truth, 10.0), iterations=20)
+    found = solve_poses(wrong, GRID, torch.ones(4, GRID.shape[1]), HALF_TANGENT, off(truth, 10.0), iterations=20)
     assert error_deg(found, truth).max() < 1.0
 
 
 def test_what_is_not_trusted_does_nothing() -> None:
     points, truth = scene()
-    weights = torch.ones(4, len(GRID))
+    weights = torch.ones(4, GRID.shape[1])
     weights[:, ::2] = 0.0
     wrong = torch.where(weights[..., None] > 0, points, points.flip(1))
     found = solve_poses(wrong, GRID, weights, HALF_TANGENT, off(truth, 10.0), iterations=20)
@@ -69,7 +69,7 @@ def test_every_start_is_solved_by_itself() -> None:
     points, truth = scene()
     starts = [off(truth, 8.0, seed) for seed in (1, 2)]
     both = SolvedPoses(*(torch.cat([getattr(s, f) for s in starts], dim=1) for f in SolvedPoses.__dataclass_fields__))
-    weights = torch.ones(4, len(GRID))
+    weights = torch.ones(4, GRID.shape[1])
     found = solve_poses(points, GRID, weights, HALF_TANGENT, both, iterations=3)
     for k, start in enumerate(starts):
         alone = solve_poses(points, GRID, weights, HALF_TANGENT, start, iterations=3)
@@ -79,16 +79,16 @@ def test_every_start_is_solved_by_itself() -> None:
 def test_nothing_seen_and_flat_parts_stay_finite() -> None:
     points, truth = scene()
     for sight in (points * torch.tensor([1.0, 1.0, 0.0]), torch.zeros_like(points)):
-        found = solve_poses(sight, GRID, torch.ones(4, len(GRID)), HALF_TANGENT, off(truth, 10.0))
+        found = solve_poses(sight, GRID, torch.ones(4, GRID.shape[1]), HALF_TANGENT, off(truth, 10.0))
         assert all(x.isfinite().all() for x in (found.R, found.centre, found.log_scale))
-    found = solve_poses(points, GRID, torch.zeros(4, len(GRID)), HALF_TANGENT, truth)
+    found = solve_poses(points, GRID, torch.zeros(4, GRID.shape[1]), HALF_TANGENT, truth)
     torch.testing.assert_close(found.R, truth.R)
 
 
 def test_the_gradient_is_that_of_the_solution() -> None:
     points, truth = scene()
     points.requires_grad_(True)
-    weights = torch.ones(4, len(GRID))
+    weights = torch.ones(4, GRID.shape[1])
     found = solve_poses(points, GRID, weights, HALF_TANGENT, off(truth, 5.0), iterations=25)
     found.centre[0, 0, 0].backward()
     step = 1e-2 * torch.randn(points.shape, generator=torch.Generator().manual_seed(3))
@@ -103,7 +103,7 @@ def test_the_gradient_is_that_of_the_solution() -> None:
 
 def test_support_is_highest_at_the_truth() -> None:
     points, truth = scene()
-    ones = torch.ones(4, len(GRID))
+    ones = torch.ones(4, GRID.shape[1])
     at_truth = support(points, GRID, ones, ones, HALF_TANGENT, truth)
     torch.testing.assert_close(at_truth, torch.ones(4, 1), atol=1e-3, rtol=0)
     assert (support(points, GRID, ones, ones, HALF_TANGENT, off(truth, 20.0)) < 0.8 * at_truth).all()
