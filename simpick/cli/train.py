@@ -41,6 +41,8 @@ class Train:
     """The run's folder; logs/train/<mode>-<size> if none is given."""
     start_from: Path | None = None
     """Weights to begin with, of the same size: for example coarse ones for a fine predictor."""
+    dino_weights: Path | None = None
+    """Size paper only: local file with DINOv2's weights, safetensors or .pth; they are never downloaded."""
     config: Path | None = None
     """JSON file with settings of training, data and augmentation: a run's config.json, or parts of one. The options
     here go before it."""
@@ -104,6 +106,7 @@ class Train:
                     folder,
                     machine=self.machine,
                     start_from=self.start_from,
+                    dino_weights=self.dino_weights,
                     on_row=progress.show,
                 )
         except KeyboardInterrupt:

@@ -18,6 +18,7 @@ from torch import nn
 from simpick.errors import ConfigError, SimpickError
 from simpick.estimators.raypose.checkpoints import load_checkpoint, save_checkpoint
 from simpick.estimators.raypose.config import RayPoseConfig
+from simpick.estimators.raypose.dino_encoder import load_dino_weights
 from simpick.estimators.raypose.losses import weighted_sum
 from simpick.estimators.raypose.model import RayPose
 from simpick.estimators.raypose.schedule import make_schedule
@@ -68,16 +69,19 @@ def train(
     *,
     machine: Machine | None = None,
     start_from: Path | None = None,
+    dino_weights: Path | None = None,
     on_row: Callable[[dict[str, Any], float], None] | None = None,
 ) -> Path:
     """Train a network until the budget is spent and return the file of its weights.
 
     A folder that holds a run of the same configuration goes on where that stopped: weights, their average, optimiser,
     step, and with the step all randomness and the data's order. `start_from` are weights to begin with instead of
-    random ones. `on_row` is called with each row of the log and the share of the run that is done.
+    random ones, `dino_weights` those of a frozen DINOv2. `on_row` is called with each row of the log and the share of
+    the run that is done.
 
     Raises:
-        ConfigError: the folder holds another run; more templates are trained with than the network takes.
+        ConfigError: the folder holds another run; a frozen image encoder has no weights; there are more templates in
+            training than the network takes.
         SimpickError: data cannot be made, or the loss is not a number any more.
         KeyboardInterrupt: Ctrl-C or SIGTERM; the step at hand was finished and the state saved.
     """
@@ -88,7 +92,7 @@ def train(
     if machine.threads:
         torch.set_num_threads(machine.threads)
     run = RunFolder(folder, {"network": network.to_json(), "training": asdict(config)}, processes.rank)
-    state = _start(network, config, processes.device, start_from)
+    state = _start(network, config, processes.device, start_from, dino_weights)
     if saved := run.load_state():
         state.load(saved)
     trainer = _Trainer(config, budget, machine, processes, run, state, on_row or (lambda row, progress: None))
@@ -130,11 +134,25 @@ class _State:
                 old.lerp_(new, 1 - decay)
 
 
-def _start(network: RayPoseConfig, config: TrainConfig, device: torch.device, start_from: Path | None) -> _State:
+def _start(
+    network: RayPoseConfig,
+    config: TrainConfig,
+    device: torch.device,
+    start_from: Path | None,
+    dino_weights: Path | None,
+) -> _State:
+    if network.is_dino != (dino_weights is not None):
+        raise ConfigError(
+            f"image encoder {network.image_encoder!r} is frozen: give a local file with its weights as dino_weights"
+            if network.is_dino
+            else "dino_weights are for DINOv2 as image encoder (size 'paper'), simpick's own is trained with the rest"
+        )
     torch.manual_seed(config.seed)
     model = RayPose(network)
+    if dino_weights is not None:
+        load_dino_weights(model.image_encoder, dino_weights)
     if start_from is not None:
-        begun = load_checkpoint(start_from).model
+        begun = load_checkpoint(start_from, dino_weights=dino_weights).model
         try:
             model.load_state_dict(begun.state_dict())
         except RuntimeError as error:

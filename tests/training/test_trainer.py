@@ -149,6 +149,14 @@ def test_a_loss_that_is_not_a_number_ends_the_run_and_saves_nothing(
     assert not (tmp_path / "state.pt").exists() and not (tmp_path / "weights.safetensors").exists()
 
 
+def test_a_frozen_encoder_without_weights_is_refused(tmp_path: Path) -> None:
+    config, budget = replace(TINY_TRAINING, templates=3), Budget(steps=1)
+    with pytest.raises(ConfigError, match=r"'dinov2_vitb14' is frozen: give a local file with its weights"):
+        train(replace(preset("paper")), config, budget, tmp_path / "a", machine=Machine("cpu", 0))
+    with pytest.raises(ConfigError, match="dino_weights are for DINOv2 as image encoder"):
+        train(NETWORK, config, budget, tmp_path / "b", machine=Machine("cpu", 0), dino_weights=tmp_path / "dino.pth")
+
+
 def test_more_templates_than_the_network_takes_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"templates must be at most the network's 3, got 4"):
         train(NETWORK, replace(TINY_TRAINING, templates=4), Budget(steps=1), tmp_path)
