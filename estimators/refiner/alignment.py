@@ -34,6 +34,8 @@ class Target:
     trust: Float[Tensor, "n size size"]
     focal_px: Float[Tensor, "n"]
     blur_px: float
+    stride: int = 1
+    """Residuals stand at the centres of blocks this many pixels wide."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,32 +53,44 @@ class Alignment:
 
 def align(target: Target, rendered: RenderedMaps, centres: Float[Tensor, "n 2"], config: RefinerConfig) -> Alignment:
     """Compare; `centres` is where the part's origin projects to, in units of the focal length from the middle."""
-    sigma, trust = target.blur_px, target.trust
+    trust, stride = target.trust, target.stride
     covered = rendered.silhouette
     f = target.focal_px[:, None, None]
-
-    # Silhouettes: blurred difference where it can be trusted.
     edge_x, edge_y = central_differences(covered)
-    near, blurred_silhouette = blur(rendered.nearness, sigma), blur(covered, sigma)
-    # Beyond the silhouette, the depth of the nearest rim.
+    core = _eroded((target.mask > 0.5).float())
+    inner = _eroded(covered) * core
+    sharp = torch.stack(
+        [
+            rendered.nearness,
+            covered,
+            trust * (covered - target.mask),
+            trust * edge_x,
+            trust * edge_y,
+            inner,
+            inner * target.brightness,
+            core,
+            *(inner * rendered.normals[:, k] for k in range(3)),
+        ]
+    )
+    blurred = blur(sharp, target.blur_px, stride)
+    near, blurred_silhouette, missed, edge_x, edge_y, share, seen, blurred_core = blurred[:8]
+    shown = blurred[8:].transpose(0, 1)  # (n, 3, coarse, coarse)
+
+    # Silhouettes: blurred difference where it can be trusted. Beyond the silhouette, the depth of the nearest rim.
     extended = near / blurred_silhouette.clamp_min(1e-4)
-    flow_x, flow_y = projection_jacobian(extended, centres, target.focal_px)  # (n, 6, size, size)
-    difference = blur(trust * (covered - target.mask), sigma) / config.silhouette_scale
-    Gx, Gy = (blur(trust * edge, sigma)[:, None] * (f / config.silhouette_scale)[:, None] for edge in (edge_x, edge_y))
-    J_silhouette = -(Gx * flow_x + Gy * flow_y)
+    flow_x, flow_y = projection_jacobian(extended, centres, target.focal_px, stride)
+    difference = missed / config.silhouette_scale
+    to_flow = f / config.silhouette_scale
+    J_silhouette = -((edge_x * to_flow)[:, None] * flow_x + (edge_y * to_flow)[:, None] * flow_y)
 
     # Brightness: a linear function of the surface normal, fitted anew to every hypothesis.
-    inner = _eroded(covered) * _eroded((target.mask > 0.5).float())
-    share = blur(inner, sigma)
-    shown = blur(inner[:, None] * rendered.normals, sigma)  # (n, 3, size, size)
-    seen = blur(inner * target.brightness, sigma)
     light = fit_light(share, shown, seen, config.shading_scale)
-    expected = light[:, 0, None, None] * share + torch.einsum("nk,nkij->nij", light[:, 1:], shown)
-    shade = torch.einsum("nk,nkij->nij", light[:, 1:], shown) / share.clamp_min(1e-3)
-    shade_x, shade_y = central_differences(shade)
-    shading = (expected - seen) / config.shading_scale
+    lit = torch.einsum("nk,nkij->nij", light[:, 1:], shown)
+    shading = (light[:, 0, None, None] * share + lit - seen) / config.shading_scale
+    shade_x, shade_y = central_differences(lit / share.clamp_min(1e-3))
     turned = torch.linalg.cross(shown, light[:, 1:, None, None].expand_as(shown), dim=1)
-    J_shading = -(share * f)[:, None] * (shade_x[:, None] * flow_x + shade_y[:, None] * flow_y)
+    to_flow = share * f / stride
+    J_shading = -((shade_x * to_flow)[:, None] * flow_x + (shade_y * to_flow)[:, None] * flow_y)
     J_shading[:, :3] += turned
     J_shading = J_shading / config.shading_scale
 
@@ -84,24 +98,27 @@ def align(target: Target, rendered: RenderedMaps, centres: Float[Tensor, "n 2"],
     H_s, g_s, cost_s, _ = _normal_equations(difference, J_silhouette)
     H_b, g_b, cost_b, robust_b = _normal_equations(shading, J_shading)
     # What of the mask the rendering leaves bare, or covers with its rim only, explains no brightness.
-    mask_px = target.mask.sum(dim=(1, 2)).clamp_min(1.0)
-    bare = (blur(_eroded((target.mask > 0.5).float()), sigma) - share).clamp_min(0).sum(dim=(1, 2))
-    shading_misfit = ((robust_b * share).sum(dim=(1, 2)) + bare) / mask_px
-    silhouette_misfit = cost_s / mask_px
+    mask_blocks = target.mask.sum(dim=(1, 2)).clamp_min(1.0) / stride**2
+    bare = (blurred_core - share).clamp_min(0).sum(dim=(1, 2))
+    shading_misfit = ((robust_b * share).sum(dim=(1, 2)) + bare) / mask_blocks
+    silhouette_misfit = cost_s / mask_blocks
     misfit = silhouette_misfit + weight * shading_misfit
     return Alignment(cost_s + weight * cost_b, misfit, H_s + weight * H_b, g_s + weight * g_b)
 
 
 def projection_jacobian(
-    nearness: Float[Tensor, "n size size"], centres: Float[Tensor, "n 2"], focal_px: Float[Tensor, "n"]
+    nearness: Float[Tensor, "n size size"],
+    centres: Float[Tensor, "n 2"],
+    focal_px: Float[Tensor, "n"],
+    stride: int = 1,
 ) -> tuple[Float[Tensor, "n 6 size size"], Float[Tensor, "n 6 size size"]]:
     """Return how the surface point at each pixel moves with each parameter, along x and y, over the focal length.
 
     With Q the nearness (origin depth over surface depth), x, y the pixel and x0, y0 the origin's projection, all over
-    the focal length: every column is linear in Q.
+    the focal length: every column is linear in Q. The map's own pixels are `stride` pixels wide.
     """
     size = nearness.shape[-1]
-    px, py = pixel_offsets(size)
+    px, py = (stride * offsets for offsets in pixel_offsets(size))
     f = focal_px[:, None, None]
     Q = nearness
     x, y = (px / f).expand_as(Q), (py / f).expand_as(Q)

@@ -9,13 +9,20 @@ from jaxtyping import Float
 from torch import Tensor
 
 
-def blur(maps: Float[Tensor, "*batch size size"], deviation_px: float) -> Float[Tensor, "*batch size size"]:
-    """Return square maps convolved with a Gaussian, zero beyond their borders."""
+def blur(
+    maps: Float[Tensor, "*batch size size"], deviation_px: float, stride: int = 1
+) -> Float[Tensor, "*batch coarse coarse"]:
+    """Return square maps convolved with a Gaussian, zero beyond their borders, at the centres of blocks of pixels.
+
+    Blocks are `stride` pixels wide: what is blurred has no finer detail, and every map after it has fewer pixels.
+    """
     size = maps.shape[-1]
-    B = _blur_matrix(size, deviation_px)
+    B = _blur_matrix(size, deviation_px, stride)
+    coarse = len(B)
     # Two large products, because many small ones are several times slower.
-    along_rows = (maps.reshape(-1, size) @ B.T).reshape(-1, size, size).transpose(1, 2)
-    return (along_rows.reshape(-1, size) @ B.T).reshape(-1, size, size).transpose(1, 2).reshape(maps.shape)
+    along_rows = (maps.reshape(-1, size) @ B.T).reshape(-1, size, coarse).transpose(1, 2)
+    blurred = (along_rows.reshape(-1, size) @ B.T).reshape(-1, coarse, coarse).transpose(1, 2)
+    return blurred.reshape(*maps.shape[:-2], coarse, coarse)
 
 
 def central_differences(
@@ -29,8 +36,9 @@ def central_differences(
 
 
 @lru_cache(maxsize=32)
-def _blur_matrix(size: int, deviation_px: float) -> Float[Tensor, "size size"]:
-    apart = torch.arange(size, dtype=torch.float64)[:, None] - torch.arange(size, dtype=torch.float64)
+def _blur_matrix(size: int, deviation_px: float, stride: int) -> Float[Tensor, "coarse size"]:
+    centres = stride * torch.arange(size // stride, dtype=torch.float64) + (stride - 1) / 2
+    apart = centres[:, None] - torch.arange(size, dtype=torch.float64)
     B = torch.exp(-0.5 * (apart / deviation_px) ** 2)
     # Rows in the middle sum to 1, those at the border to less: what lies beyond counts as zero.
-    return (B / B[size // 2].sum()).float()
+    return (B / B[len(B) // 2].sum()).float()

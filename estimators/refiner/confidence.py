@@ -33,7 +33,8 @@ class Confidence:
 
     def probability(self, features: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch"]:
         """Return the probability that a pose with these features is good."""
-        return 1 / (1 + np.exp(-(self.bias + features @ np.asarray(self.weights))))
+        # An array also for a single pose, where NumPy would make a scalar of it.
+        return np.asarray(1 / (1 + np.exp(-(self.bias + features @ np.asarray(self.weights)))))
 
 
 def confidence_features(best_first: Sequence[PoseHypothesis], visible_px: int) -> Float[np.ndarray, "3"]:

@@ -19,6 +19,8 @@ class AlignmentLevel:
     """Renderings of each hypothesis, at most."""
     keep: int
     """So many of the best hypotheses go on to this level."""
+    stride: int = 2
+    """Residuals stand at every so many pixels along both axes: blurred maps hold no finer detail."""
 
     def __post_init__(self) -> None:
         if not 16 <= self.size_px <= 512:
@@ -27,6 +29,8 @@ class AlignmentLevel:
             raise ConfigError(f"blur_px must be between 0.3 and a quarter of the size, got {self.blur_px}")
         if self.iterations < 1 or self.keep < 1:
             raise ConfigError(f"iterations and keep must be 1 or more, got {self.iterations} and {self.keep}")
+        if self.stride < 1 or self.size_px % self.stride:
+            raise ConfigError(f"stride must divide size_px = {self.size_px}, got {self.stride}")
 
 
 @dataclass(frozen=True)

@@ -194,7 +194,8 @@ class _LevelSearch:
         focal_px = torch.from_numpy(cameras.focal_px).float()
         centres = torch.from_numpy(Ts_crop_part[:, :2, 3] / Ts_crop_part[:, 2:3, 3]).float()
         with torch.inference_mode():
-            target = Target(query.brightness[of], query.mask[of], query.trust[of], focal_px, self._level.blur_px)
+            maps = query.brightness[of], query.mask[of], query.trust[of]
+            target = Target(*maps, focal_px, self._level.blur_px, self._level.stride)
             return align(target, rendered_maps(depth_m, origin_m, focal_px), centres, self._config)
 
 

@@ -8,6 +8,7 @@ import torch
 
 from simpick.assets.library import get_part
 from simpick.estimators.refiner.alignment import Target, align, moved, projection_jacobian
+from simpick.estimators.refiner.blurring import blur
 from simpick.estimators.refiner.config import RefinerConfig
 from simpick.estimators.refiner.rendered_maps import rendered_maps
 from simpick.geometry import Pinhole, VirtualCameras, so3_exp, transform
@@ -33,14 +34,15 @@ def test_projection_moves_as_the_jacobian_says():
         assert analytic == pytest.approx(numeric, abs=2e-5)
 
 
-def test_the_cost_falls_as_the_gradient_says():
+@pytest.mark.parametrize("stride", [1, 2])
+def test_the_cost_falls_as_the_gradient_says(stride):
     part, config = get_part("l_bracket"), RefinerConfig()
     focal_px = torch.tensor([FOCAL])
     with PartRenderer(part, SIZE, SIZE) as renderer:
         seen = renderer.render(T_CROP_PART[None], CAMERAS.pinhole(0))
         assert seen.rgb is not None
         gray, mask = torch.from_numpy(seen.rgb).float().mean(-1) / 255, torch.from_numpy(seen.masks).float()
-        target = Target(gray / (gray * mask).sum() * mask.sum(), mask, torch.ones_like(mask), focal_px, 2.5)
+        target = Target(gray / (gray * mask).sum() * mask.sum(), mask, torch.ones_like(mask), focal_px, 2.5, stride)
 
         def aligned(T):
             depth_m = torch.from_numpy(renderer.render(T[None], CAMERAS.pinhole(0), rgb=False).depth_m)
@@ -70,3 +72,11 @@ def test_normals_of_a_tilted_plane_are_exact():
     depth_m = torch.tensor(0.7 / (rays @ normal), dtype=torch.float32)[None]
     maps = rendered_maps(depth_m, torch.tensor([0.9]), torch.tensor([FOCAL]))
     assert np.abs(maps.normals[0].permute(1, 2, 0).numpy() - normal).max() < 5e-3
+
+
+def test_a_coarse_blur_lies_amid_its_block():
+    x, _ = torch.meshgrid(torch.arange(32.0), torch.arange(32.0), indexing="xy")
+    coarse = blur(x[None], 1.5, 2)
+    assert coarse.shape == (1, 16, 16)
+    # A ramp stays a ramp; pixels 10 and 11 make block 5.
+    assert float(coarse[0, 8, 5]) == pytest.approx(10.5, abs=1e-2)

@@ -144,3 +144,5 @@ def test_settings_that_make_no_sense_are_refused(settings, text):
 def test_levels_that_make_no_sense_are_refused():
     with pytest.raises(ConfigError, match="size_px of a level must be between 16 and 512, got 8"):
         AlignmentLevel(8, 1.0, 1, 1)
+    with pytest.raises(ConfigError, match="stride must divide size_px = 48, got 5"):
+        AlignmentLevel(48, 1.0, 1, 1, stride=5)
