@@ -91,7 +91,7 @@ def test_wrong_modes_are_told_all_at_once(tmp_path: Path, capsys, monkeypatch: p
     assert main(["compare", *modes, "--out", str(out)]) == 2
     errors = capsys.readouterr().err
     for text in (
-        "no mode named 'telepathy'. Valid: bare, oracle, oracle_noise, retrieval",
+        "no mode named 'telepathy'. Valid: bare, coarse, fine, oracle, oracle_noise, refined, retrieval",
         "'oracle' is named twice",
         "Did you mean 'retrieval'?",
         "a mode must be written NAME or NAME@K with K hypotheses, 1 or more, such as retrieval@8; got 'retrieval@0'",

@@ -89,7 +89,7 @@ def test_a_stopped_run_goes_on_and_ends_the_same(recorded: list[Path], tmp_path:
         (("--count", "0"), "count must be between 1 and 50 parts, got 0"),
         (("--count", "500"), "count must be between 1 and 50 parts, got 500"),
         (("--robot", "kuka"), "no robot named 'kuka'. Valid: ur5e."),
-        (("--perception", "telepathy"), "no perception named 'telepathy'. Valid: oracle"),
+        (("--perception", "telepathy"), "no perception named 'telepathy'. Valid: coarse, fine, oracle"),
         (("--randomization", "wild"), "no randomization preset named 'wild'. Valid: default, none, strong."),
         (("--episodes", "0"), "simpick: episodes must be 1 or more, got 0"),
         (("--noise-mm", "-1"), "translation_mm of pose noise must be zero or more, got -1"),
