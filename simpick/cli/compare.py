@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -35,7 +36,7 @@ class Compare:
         from rich.console import Console
 
         from simpick.cli.parts import describe_files
-        from simpick.errors import ConfigError
+        from simpick.errors import ConfigError, OutputError, SimpickError
         from simpick.evaluation.comparison import Comparison
         from simpick.evaluation.comparison_report import write_report
         from simpick.evaluation.comparison_tables import differences_table, modes_table
@@ -48,7 +49,14 @@ class Compare:
         console = Console()
         for line in describe_files(self.config.parts):
             console.print(line, soft_wrap=True)
-        comparison.run(record=self.record, workers=self.workers, ray_address=self.ray, console=console)
+        try:
+            comparison.run(record=self.record, workers=self.workers, ray_address=self.ray, console=console)
+        except (SimpickError, KeyboardInterrupt):
+            # What stopped the run is what must be told, also where the report cannot be written either.
+            with suppress(OutputError):
+                if comparison.statistics().bins:
+                    console.print(f"partial report: {write_report(comparison)}", soft_wrap=True)
+            raise
         statistics = comparison.statistics()
         console.print(modes_table(statistics))
         if statistics.differences:

@@ -26,7 +26,7 @@ ORACLE_COLOURS = {"oracle": "#3c4248", "oracle_noise": "#949ca4"}
 HUES = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9")
 """Okabe and Ito's colours, made for colour-blind readers."""
 CAUSE_COLOURS = ("#88ccee", "#332288", "#cc6677", "#ddcc77", "#117733", "#bbbbbb")
-STAGE_COLOURS = ("#5b6570", "#88ccee", "#44aa99", "#0072b2", "#ddcc77", "#cc6677")
+STAGE_COLOURS = ("#5b6570", "#88ccee", "#44aa99", "#0072b2", "#ddcc77", "#aa4499")
 ERROR_EDGES = {
     "rotation_deg": (0.0, 1, 2, 5, 10, 20, 45, 180.1),
     "translation_mm": (0.0, 1, 2, 5, 10, 20, 40, np.inf),

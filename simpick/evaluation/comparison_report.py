@@ -20,7 +20,7 @@ from simpick.evaluation.comparison_tables import DIFFERENCES, heading, number
 from simpick.evaluation.failure_causes import FailureCause
 from simpick.evaluation.grasp_scores import PERCEPTION_STAGES
 from simpick.evaluation.modes import parse_mode
-from simpick.evaluation.paired import MEASURES, PairedStatistics
+from simpick.evaluation.paired import MEASURES, PairedStatistics, best_mode
 
 REPORT_FILE = "report.html"
 TEMPLATE = Path(__file__).with_name("report_template.html")
@@ -80,7 +80,7 @@ def answer(comparison: Comparison, statistics: PairedStatistics) -> list[str]:
     measures = statistics.measures
     seeing = [mode for mode in statistics.modes if not parse_mode(mode).knows_truth]
     candidates = seeing or list(statistics.modes)
-    best = max(candidates, key=lambda mode: (measures[mode]["grasp_success"].value, measures[mode]["mpph"].value))
+    best = best_mode(statistics, candidates)
 
     def told(mode: str, key: str) -> str:
         measure, interval = _MEASURE[key], measures[mode][key]
@@ -94,6 +94,8 @@ def answer(comparison: Comparison, statistics: PairedStatistics) -> list[str]:
         f"<strong>{told(best, 'grasp_success')}</strong> of its grasps delivered a part, {told(best, 'clearance')} of "
         f"all parts were cleared, at <strong>{told(best, 'mpph')}</strong> picks an hour."
     ]
+    if len(candidates) > 1:
+        sentences.append("Best is the highest product of grasp success and clearance; picks an hour decide a tie.")
     if "oracle" in statistics.modes and best != "oracle":
         sentences.append(
             f"With true poses (oracle) the same cell reaches {told('oracle', 'grasp_success')} and "
@@ -120,11 +122,22 @@ def _warning(comparison: Comparison, statistics: PairedStatistics) -> str:
     asked = comparison.config.episodes
     if len(statistics.bins) < asked:
         notes.append(
-            f"{asked - len(statistics.bins)} of {asked} bins are left out: some mode has not finished them, or the "
-            "physics diverged."
+            f"Partial: {asked - len(statistics.bins)} of {asked} bins are left out: some mode has not finished "
+            "them, or the physics diverged."
         )
     if 0 < len(statistics.bins) < 20:
         notes.append(f"{len(statistics.bins)} bins are few: intervals from so few bins tend to be too narrow.")
+    fixed = [
+        f"{_MEASURE[key].title} of {mode}"
+        for mode, measures in statistics.measures.items()
+        for key, interval in measures.items()
+        if interval.has_no_width
+    ]
+    if fixed:
+        notes.append(
+            f"An interval of no width is no certainty: the bins all gave the same, so resampling cannot vary it. So "
+            f"it is for {', '.join(fixed)}."
+        )
     return "".join(f'<p class="note">{escape(note)}</p>' for note in notes)
 
 

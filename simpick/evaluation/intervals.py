@@ -21,6 +21,11 @@ class Interval:
         """Return whether zero lies outside; for differences, whether the two are told apart."""
         return self.low > 0 or self.high < 0
 
+    @property
+    def has_no_width(self) -> bool:
+        """Return whether both bounds are one: the bins did not differ, so that resampling them tells nothing."""
+        return self.low == self.high
+
 
 def wilson_interval(share: float, count: int, z: float = 1.96) -> tuple[float, float]:
     """Return Wilson's score interval of a share seen in `count` trials (95 % by default)."""

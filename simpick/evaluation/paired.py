@@ -120,6 +120,19 @@ def compare_modes(
     return PairedStatistics(tuple(modes), bins, left_out, measures, differences)
 
 
+def best_mode(statistics: PairedStatistics, candidates: Sequence[str]) -> str:
+    """Return the mode with the highest product of grasp success and clearance; picks an hour decide a tie.
+
+    Grasp success alone would favour a mode that picks the easiest parts and gives up; unknown figures count as zero.
+    """
+
+    def merit(mode: str) -> tuple[float, float]:
+        figures = {key: float(np.nan_to_num(interval.value)) for key, interval in statistics.measures[mode].items()}
+        return figures["grasp_success"] * figures["clearance"], figures["mpph"]
+
+    return max(candidates, key=merit)
+
+
 def executed(result: EpisodeResult) -> list[PickRecord]:
     """Return the grasps that the arm was sent to carry out."""
     return [pick for pick in result.picks if pick.outcome not in ABSTENTIONS]

@@ -4,6 +4,7 @@ import errno
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,7 +15,7 @@ import pytest
 
 from simpick.cli.main import main
 from simpick.errors import OutputError, SimpickError
-from simpick.evaluation import perceptions, result_store
+from simpick.evaluation import comparison, perceptions, result_store
 from simpick.evaluation.result_store import read_results
 
 pytestmark = pytest.mark.render
@@ -141,6 +142,24 @@ def test_a_full_disk_keeps_what_is_finished(whole: Path, tmp_path: Path, monkeyp
     assert second.key not in store
     assert read_results(tmp_path / "out" / "results.jsonl") == [first]
     assert json.loads((tmp_path / "out" / "config.json").read_text()) == {"episodes": 3}
+
+
+def test_a_run_that_stops_leaves_a_partial_report(
+    whole: Path, tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "out"
+    folder.mkdir()
+    for name in ("compare.json", "results.jsonl"):
+        shutil.copy(whole / name, folder / name)
+
+    def stopped(*arguments: object, **settings: object) -> None:
+        raise SimpickError("a worker process was killed")
+
+    monkeypatch.setattr(comparison, "run_jobs", stopped)
+    assert main([*MODES, *SMALL, "--episodes", "4", "--out", str(folder)]) == 2
+    told = capsys.readouterr()
+    assert "a worker process was killed" in told.err and "partial report:" in told.out
+    assert "Partial: 1 of 4 bins are left out" in (folder / "report.html").read_text()
 
 
 def test_ray_runs_the_same_episodes(whole: Path, tmp_path: Path) -> None:

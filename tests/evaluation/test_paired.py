@@ -7,13 +7,14 @@ import pytest
 
 from simpick.evaluation.grasp_scores import score_grasps
 from simpick.evaluation.intervals import (
+    Interval,
     percentile_interval,
     resample_bins,
     resampled_median,
     resampled_ratio,
     wilson_interval,
 )
-from simpick.evaluation.paired import compare_modes, paired_bins
+from simpick.evaluation.paired import MEASURES, PairedStatistics, best_mode, compare_modes, paired_bins
 from simpick.evaluation.result_store import EpisodeResult
 from simpick.records import PickOutcome, PoseError
 from tests.evaluation.test_result_store import make_pick, make_result
@@ -114,3 +115,25 @@ def test_a_pick_without_a_pose_error_has_no_part_in_the_medians() -> None:
     unknown = dataclasses.replace(make_pick(2), pose_error=None)
     result = dataclasses.replace(make_result(0, make_pick(0), far, unknown), mode="a")
     assert compare_modes([result], ["a"], rng()).measures["a"]["rotation_deg"].value == 5.0
+
+
+def test_the_best_mode_also_clears_the_bin() -> None:
+    def figures(success: float, clearance: float, mpph: float) -> dict[str, Interval]:
+        told = {"grasp_success": success, "clearance": clearance, "mpph": mpph}
+        return {m.key: Interval(told.get(m.key, 0.0), 0.0, 0.0) for m in MEASURES}
+
+    measures = {
+        "shy": figures(100, 30, 900),
+        "slow": figures(90, 80, 100),
+        "quick": figures(90, 80, 200),
+        "idle": figures(float("nan"), 0, 0),
+    }
+    statistics = PairedStatistics(tuple(measures), (0,), (), measures, ())
+    assert best_mode(statistics, ("idle", "shy", "slow", "quick")) == "quick"
+    assert best_mode(statistics, ("idle", "shy")) == "shy"
+
+
+def test_an_interval_of_no_width_is_told_from_an_unknown_one() -> None:
+    assert percentile_interval(1.0, np.ones(50)).has_no_width
+    assert not percentile_interval(1.0, np.array([0.0, 1.0, 2.0])).has_no_width
+    assert not percentile_interval(float("nan"), np.ones(50)).has_no_width
