@@ -15,7 +15,7 @@ from simpick.estimators.raypose.config import RayPoseConfig
 from simpick.estimators.raypose.decoder import Decoder
 from simpick.estimators.raypose.image_encoder import make_image_encoder
 from simpick.estimators.raypose.layers import KeysValues, SelfAttentionBlock, mlp
-from simpick.estimators.raypose.matching import FEATURES, MIN_COVERAGE, Matcher, Matches
+from simpick.estimators.raypose.matching import FEATURES, Matcher, Matches
 from simpick.estimators.raypose.pose_maps import CHANNELS, ViewPoses, cell_centres, encode_pose_maps
 from simpick.estimators.raypose.pose_solver import ITERATIONS, SolvedPoses, solve_poses, support
 from simpick.estimators.raypose.view_encoder import ViewEncoder
@@ -196,7 +196,7 @@ class RayPose(nn.Module):
         log_scale = (diameter_m[:, None] / poses.reach_m).log()
         pose = SolvedPoses(poses.R, poses.centre, log_scale, poses.centre[:, :, None])
         # Not the trust, which is only relative.
-        weights = (query.coverage >= MIN_COVERAGE) * matches.likeness.clamp_min(0)
+        weights = query.coverage * matches.likeness.clamp(0, 1)
         return support(matches.points, query.places, weights, query.coverage, query.half_tangent, pose)
 
     def first_support(self, query: QueryTokens, fused: TemplateTokens) -> Float[Tensor, "batch"]:
