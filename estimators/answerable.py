@@ -27,7 +27,7 @@ def answerable(
         raise ConfigError(f"an image must have 8-bit channels (uint8), got {frame.rgb.dtype}")
     found = []
     for detection in detections:
-        mask = _mask(detection, frame)
+        mask = detection_mask(detection, frame)
         if np.count_nonzero(mask) >= min_mask_px:
             box = box_of_mask(mask)
             if (box[2:] - box[:2] >= 2).all():
@@ -35,7 +35,12 @@ def answerable(
     return found
 
 
-def _mask(detection: Detection, frame: CameraFrame) -> Bool[np.ndarray, "height width"]:
+def detection_mask(detection: Detection, frame: CameraFrame) -> Bool[np.ndarray, "height width"]:
+    """Return a detection's mask, or its box where it has none; empty if it lies outside the image.
+
+    Raises:
+        ConfigError: the mask has another size than the image.
+    """
     height, width = frame.rgb.shape[:2]
     if detection.mask is None:
         mask = np.zeros((height, width), bool)

@@ -14,7 +14,7 @@ import torch
 from jaxtyping import Float
 
 from simpick.assets.part import Part
-from simpick.errors import ConfigError, UnknownNameError
+from simpick.errors import CheckpointError, ConfigError, UnknownNameError
 from simpick.estimators.answerable import answerable
 from simpick.estimators.base import PoseEstimator
 from simpick.estimators.pose_clusters import cluster_hypotheses
@@ -232,8 +232,6 @@ def load_estimator(
     Raises:
         CheckpointError: there are no such weights, or they are not of this mode.
     """
-    from simpick.errors import CheckpointError
-
     path = weights or shipped_checkpoint(mode)
     model = load_checkpoint(path).model
     if model.config.is_fine != (mode == "fine"):

@@ -193,8 +193,7 @@ class RayPose(nn.Module):
         self, query: QueryTokens, matches: Matches, poses: ViewPoses, diameter_m: Float[Tensor, "batch"]
     ) -> Float[Tensor, "batch views"]:
         """Return how much of what is seen is matched where each pose says, in [0, 1]; multiview networks only."""
-        log_scale = (diameter_m[:, None] / poses.reach_m).log()
-        pose = SolvedPoses(poses.R, poses.centre, log_scale, poses.centre[:, :, None])
+        pose = _unsolved(poses, diameter_m)
         # Not the trust, which is only relative.
         weights = query.coverage * matches.likeness.clamp(0, 1)
         return support(matches.points, query.places, weights, query.coverage, query.half_tangent, pose)
@@ -225,9 +224,7 @@ class RayPose(nn.Module):
         Without multiview, every template is a query's only one: as many groups as templates, of one view each.
         """
         views, multiview = fused.tokens.shape[1], self.config.multiview
-        poses = fused.poses
-        log_scale = (fused.diameter_m[:, None] / poses.reach_m).log()
-        start = SolvedPoses(poses.R, poses.centre, log_scale, poses.centre[:, :, None])
+        start = _unsolved(fused.poses, fused.diameter_m)
         if not multiview:
             query = _map(query, lambda x: x.repeat_interleave(views, 0))
             start = _map(start, lambda x: x.flatten(0, 1)[:, None])
@@ -280,6 +277,12 @@ class RayPose(nn.Module):
         places = pooled[..., 1:] / coverage.clamp_min(1e-6)[..., None]
         centres = cell_centres(cells, device=masks.device).flatten(0, 1)
         return coverage, torch.where(coverage[..., None] > 1e-3, places, centres)
+
+
+def _unsolved(poses: ViewPoses, diameter_m: Float[Tensor, "batch"]) -> SolvedPoses:
+    """Return poses as the solver takes them; residuals come from solving."""
+    log_scale = (diameter_m[:, None] / poses.reach_m).log()
+    return SolvedPoses(poses.R, poses.centre, log_scale, poses.centre.new_zeros(*log_scale.shape, 0, 2))
 
 
 def _in_view(

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float, Int
 
 from simpick.assets.part import Part
 from simpick.errors import ConfigError, UnknownNameError
+from simpick.estimators.answerable import detection_mask
 from simpick.estimators.pose_clusters import cluster_hypotheses
 from simpick.estimators.refiner.alignment import Alignment, Target, align
 from simpick.estimators.refiner.config import AlignmentLevel, RefinerConfig
@@ -66,7 +67,7 @@ class Refiner:
                 raise UnknownNameError(
                     "onboarded part", detection.part, self._parts, "Call onboard(part) before refine()."
                 )
-        masks = [_mask(detection, frame) for detection in detections]
+        masks = [detection_mask(detection, frame) for detection in detections]
         usable = [[h for h in own if _is_sound(h.T_camera_part)] for own in hypotheses]
         rows = [k for k, mask in enumerate(masks) if usable[k] and _is_comparable(mask)]
         answers = [tuple(own) for own in hypotheses]
@@ -197,24 +198,6 @@ class _LevelSearch:
             maps = query.brightness[of], query.mask[of], query.trust[of]
             target = Target(*maps, focal_px, self._level.blur_px, self._level.stride)
             return align(target, rendered_maps(depth_m, origin_m, focal_px), centres, self._config)
-
-
-def _mask(detection: Detection, frame: CameraFrame) -> Bool[np.ndarray, "height width"]:
-    """Return a detection's mask, or its box where it has none; empty if it lies outside the image."""
-    height, width = frame.rgb.shape[:2]
-    if detection.mask is not None:
-        if detection.mask.shape != (height, width):
-            raise ConfigError(
-                f"mask must have the image's size {width} x {height} px, "
-                f"got {detection.mask.shape[1]} x {detection.mask.shape[0]}"
-            )
-        return detection.mask
-    mask = np.zeros((height, width), bool)
-    box = np.asarray(detection.box_xyxy_px, float)
-    if np.isfinite(box).all():
-        x1, y1, x2, y2 = np.clip(np.rint(box), 0, [width, height, width, height]).astype(int)
-        mask[y1:y2, x1:x2] = True
-    return mask
 
 
 def _is_comparable(mask: Bool[np.ndarray, "height width"]) -> bool:

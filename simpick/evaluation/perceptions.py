@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import cache, partial
 from importlib.metadata import entry_points
+from typing import Literal
 
 import numpy as np
 
@@ -35,29 +36,23 @@ def _retrieval_refined(hypotheses: int | None) -> PoseEstimator:
     return RefinedEstimator(_retrieval(hypotheses), mode="retrieval_refined")
 
 
-def _coarse(hypotheses: int | None) -> PoseEstimator:
+def _raypose(mode: Literal["coarse", "fine"], hypotheses: int | None) -> PoseEstimator:
     from simpick.estimators.raypose import RayPoseEstimatorConfig, load_estimator
 
-    return load_estimator("coarse", RayPoseEstimatorConfig(hypotheses=hypotheses or 1))
-
-
-def _fine(hypotheses: int | None) -> PoseEstimator:
-    from simpick.estimators.raypose import RayPoseEstimatorConfig, load_estimator
-
-    return load_estimator("fine", RayPoseEstimatorConfig(hypotheses=hypotheses or 1))
+    return load_estimator(mode, RayPoseEstimatorConfig(hypotheses=1 if hypotheses is None else hypotheses))
 
 
 def _refined(hypotheses: int | None) -> PoseEstimator:
     from simpick.estimators.refiner import RefinedEstimator
 
-    return RefinedEstimator(_fine(hypotheses), mode="refined")
+    return RefinedEstimator(_raypose("fine", hypotheses), mode="refined")
 
 
 SHIPPED: dict[str, Callable[[int | None], PoseEstimator]] = {
     "retrieval": _retrieval,
     "retrieval_refined": _retrieval_refined,
-    "coarse": _coarse,
-    "fine": _fine,
+    "coarse": partial(_raypose, "coarse"),
+    "fine": partial(_raypose, "fine"),
     "refined": _refined,
 }
 """Estimators that work from images alone and come with simpick; made for this many hypotheses, or their own number."""
