@@ -172,11 +172,13 @@ class RayPoseEstimator:
         sphere = self._banks[part][1].over_sphere()
         turned = (np.array(rows)[:, None] * turns + np.arange(turns)).ravel()
         if turns > 1:
-            agreed = self.model.first_support(_some(queries, turned), _repeated(sphere, len(turned)))
+            agreed = self.model.first_support(
+                _some(queries, turned), sphere.for_queries(torch.zeros(len(turned), dtype=torch.long))
+            )
             keep = min(turns, max(2, self.config.hypotheses))
             best = agreed.reshape(len(rows), turns).topk(keep, dim=1).indices.numpy()
             turned = (np.array(rows)[:, None] * turns + best).ravel()
-        views, scores = self._sample(queries, turned, _repeated(sphere, len(turned)))
+        views, scores = self._sample(queries, turned, sphere.for_queries(torch.zeros(len(turned), dtype=torch.long)))
         return _Guesses(turned // turns, crops.poses_in_camera(turned, combine_views(views)), scores)
 
     def _sample(
@@ -248,17 +250,3 @@ def load_estimator(
 
 def _some(queries: QueryTokens, rows: np.ndarray) -> QueryTokens:
     return QueryTokens(*(getattr(queries, field.name)[torch.from_numpy(rows)] for field in dataclasses.fields(queries)))
-
-
-def _repeated(templates: TemplateTokens, count: int) -> TemplateTokens:
-    """Return one set of templates for each of `count` queries, without copying."""
-
-    def expand(x: torch.Tensor) -> torch.Tensor:
-        return x.expand(count, *x.shape[1:])
-
-    poses = ViewPoses(*(expand(x) for x in (templates.poses.R, templates.poses.centre, templates.poses.reach_m)))
-    tensors = {
-        name: expand(getattr(templates, name)) for name in ("tokens", "descriptors", "points", "coverage", "diameter_m")
-    }
-    kv = [(expand(k), expand(v)) for k, v in templates.kv]
-    return dataclasses.replace(templates, poses=poses, kv=kv, **tensors)

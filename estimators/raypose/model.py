@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor, nn
 
 from simpick.estimators.raypose.config import RayPoseConfig
@@ -62,7 +62,21 @@ class TemplateTokens:
     poses: ViewPoses
     diameter_m: Float[Tensor, "batch"]
     kv: Sequence[KeysValues] = ()
-    """Once fused: each decoder block's keys and values of the tokens."""
+    """Once fused: each decoder block's keys and values of the tokens; without multiview, one group a template."""
+
+    def for_queries(self, sets: Int[Tensor, "queries"]) -> TemplateTokens:
+        """Return for each query the set of templates that it is compared with."""
+        views = self.tokens.shape[1]
+
+        def chosen(x: Tensor) -> Tensor:
+            if len(x) == len(self.tokens):
+                # One set for all is not copied.
+                return x.expand(len(sets), *x.shape[1:]) if len(x) == 1 else x[sets]
+            return chosen(x.unflatten(0, (-1, views))).flatten(0, 1)
+
+        kv = [(chosen(k), chosen(v)) for k, v in self.kv]
+        tensors = {n: chosen(getattr(self, n)) for n in ("tokens", "descriptors", "points", "coverage", "diameter_m")}
+        return dataclasses.replace(self, poses=_map(self.poses, chosen), kv=kv, **tensors)
 
 
 @dataclass(frozen=True, eq=False)

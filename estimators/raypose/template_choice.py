@@ -29,26 +29,13 @@ def spread_over_sphere(Rs_view_part: Float[np.ndarray, "n 3 3"], count: int) -> 
 
 
 def draw_over_sphere(
-    Rs_view_part: Float[np.ndarray, "n 3 3"],
-    R_crop_part: Float[np.ndarray, "3 3"],
-    count: int,
-    rng: np.random.Generator,
-    *,
-    fixed: bool = False,
-) -> tuple[Int[np.ndarray, "count"], Float[np.ndarray, "count"]]:
-    """Return views and turns for a coarse predictor's training: random ones, or the `fixed` set.
-
-    Random ones are spread as evenly. All are turned alike, so that the view nearest to the query's is about as upright
-    as the query: at run time, queries are tried in twelve turns.
-    """
+    Rs_view_part: Float[np.ndarray, "n 3 3"], count: int, rng: np.random.Generator, *, fixed: bool = False
+) -> Int[np.ndarray, "count"]:
+    """Return the views for a coarse predictor's training: random ones about evenly spread, or the fixed set."""
     if fixed:
-        views = spread_over_sphere(Rs_view_part, count)
-    else:
-        directions = spread_directions(count) @ so3_exp(np.pi * rng.uniform(-1, 1, 3)).T
-        views = np.argmax((directions + rng.normal(0, 0.15, directions.shape)) @ Rs_view_part[:, 2].T, axis=1)
-    nearest = views[np.argmin(view_angles(Rs_view_part[views], R_crop_part))]
-    turn = align_turns(Rs_view_part[[nearest]], R_crop_part)[0] + rng.uniform(-1, 1) * np.pi / 12
-    return views, np.full(count, turn)
+        return spread_over_sphere(Rs_view_part, count)
+    directions = spread_directions(count) @ so3_exp(np.pi * rng.uniform(-1, 1, 3)).T
+    return np.argmax((directions + rng.normal(0, 0.15, directions.shape)) @ Rs_view_part[:, 2].T, axis=1)
 
 
 def spread_directions(count: int) -> Float[np.ndarray, "count 3"]:

@@ -17,7 +17,12 @@ from simpick.estimators.raypose.config import RayPoseConfig
 from simpick.estimators.raypose.model import QueryInputs, TemplateInputs
 from simpick.estimators.raypose.pose_maps import ViewPoses
 from simpick.estimators.raypose.recrops import Recrops, aim_recrops, sample_recrops
-from simpick.estimators.raypose.template_choice import draw_around, draw_over_sphere
+from simpick.estimators.raypose.template_choice import (
+    align_turns,
+    draw_around,
+    draw_over_sphere,
+    view_angles,
+)
 from simpick.estimators.raypose.template_crops import TemplateCrops, collate, crop_templates
 from simpick.geometry import invert, so3_exp, transform, turned_boxes
 from simpick.training.augmentation import AugmentationConfig, jitter_boxes, perturb_mask
@@ -35,6 +40,9 @@ class TrainingBatch:
 
     query: QueryInputs
     templates: TemplateInputs
+    """Sets of templates; coarse queries of one part share theirs, so that they are encoded once."""
+    sets: Int[Tensor, "batch"]
+    """Which set each query is compared with."""
     truth: ViewPoses
     """Of the queries; leading dimensions (batch, 1). Of equivalent poses the one closest to the templates."""
     points: Float[Tensor, "batch cells 3"]
@@ -64,13 +72,15 @@ def make_batch(
     """Return the given queries of each shard as one batch; all randomness comes from `rng`."""
     augmentation = augmentation or AugmentationConfig()
     parts = [_part_batch(shard, rows, config, rng, augmentation) for shard, rows in zip(shards, queries, strict=True)]
-    sets = [crops for part in parts for crops in part.sets]
-    diameters = [shard.diameter_m for shard, part in zip(shards, parts, strict=True) for _ in part.sets]
+    templates = [crops for part in parts for crops in part.templates]
+    diameters = [shard.diameter_m for shard, part in zip(shards, parts, strict=True) for _ in part.templates]
+    first = np.cumsum([0, *(len(part.templates) for part in parts)])
     half_tangent = torch.cat([part.half_tangent for part in parts])
     Ts = np.concatenate([part.Ts_crop_part for part in parts])
     return TrainingBatch(
         QueryInputs(torch.cat([p.rgb for p in parts]), torch.cat([p.masks for p in parts]), half_tangent),
-        collate(sets, diameters),
+        collate(templates, diameters),
+        torch.from_numpy(np.concatenate([first[k] + part.sets for k, part in enumerate(parts)])),
         ViewPoses.of(torch.tensor(Ts, dtype=torch.float32)[:, None], half_tangent[:, None]),
         torch.cat([p.points for p in parts]),
         torch.cat([p.seen for p in parts]),
@@ -87,7 +97,8 @@ class _PartBatch:
     points: Float[Tensor, "n cells 3"]
     seen: Bool[Tensor, "n cells"]
     Ts_crop_part: Float[np.ndarray, "n 4 4"]
-    sets: list[TemplateCrops]
+    templates: list[TemplateCrops]
+    sets: Int[np.ndarray, "n"]
 
 
 def _part_batch(
@@ -98,20 +109,24 @@ def _part_batch(
     augmentation: AugmentationConfig,
 ) -> _PartBatch:
     masks = np.stack([perturb_mask(shard.masks[row], augmentation, rng) for row in rows])
-    angles = rng.uniform(-np.pi, np.pi, len(rows)) * augmentation.turn
+    shared = None if config.is_fine else _draw_over_sphere(shard, config, rng)
+    if shared is None:
+        angles = rng.uniform(-np.pi, np.pi, len(rows)) * augmentation.turn
+    else:
+        angles = np.array([_turn_towards(shared, T, rng) for T in shard.Ts_crop_part[rows]])
     boxes = jitter_boxes(turned_boxes(masks, angles[:, None])[:, 0], augmentation, rng)
     recrops = aim_recrops(shard.crop_px, shard.focal_px[rows], angles, boxes, config.crop_px, padding=config.padding)
     Ts = transform(recrops.Rs_crop_source) @ shard.Ts_crop_part[rows]
     sampled, points_m, seen = _sample(shard, rows, masks, recrops, config)
     gain = torch.tensor(1 + augmentation.brightness * rng.uniform(-1, 1, len(rows)), dtype=torch.float32)
     rgb = (sampled[:, :3] * gain[:, None, None, None]).clamp(0, 1)
-    sets, truths = [_draw_templates(shard, T, config, rng) for T in Ts], np.empty_like(Ts)
-    # Equivalent poses: templates were drawn around one of them, and so is the truth told.
-    for k, (crops, T) in enumerate(zip(sets, Ts, strict=True)):
-        nearest = int(np.argmax(np.einsum("nij,ij->n", crops.Ts_crop_part[:, :3, :3], T[:3, :3])))
-        reference = T if config.is_fine else crops.Ts_crop_part[nearest]
-        truths[k] = shard.symmetries.closest_equivalent(T, reference)
-        sets[k] = crops.nearest_to(truths[k], shard.symmetries)
+    # Of equivalent poses, those that are nearest to one another are told.
+    if shared is None:
+        truths = Ts
+        templates = [_draw_around(shard, T, config, rng).nearest_to(T, shard.symmetries) for T in Ts]
+    else:
+        truths = np.stack([_nearest_to_a_template(shard, T, shared) for T in Ts])
+        templates = [shared]
     return _PartBatch(
         rgb,
         sampled[:, 3],
@@ -119,7 +134,8 @@ def _part_batch(
         _in_part(points_m, truths) / shard.diameter_m,
         seen,
         truths,
-        sets,
+        templates,
+        np.arange(len(rows)) if shared is None else np.zeros(len(rows), int),
     )
 
 
@@ -157,15 +173,39 @@ def _in_part(
     return torch.einsum("nij,ncj->nci", T[:, :3, :3], points_m) + T[:, None, :3, 3]
 
 
-def _draw_templates(
+def _draw_over_sphere(shard: Shard, config: RayPoseConfig, rng: np.random.Generator) -> TemplateCrops:
+    """Return coarse templates, upright; told as at run time, as of equivalent poses those nearest to the first's."""
+    views = draw_over_sphere(
+        shard.templates.Ts_camera_part[:, :3, :3], config.templates, rng, fixed=config.template_views == "fixed"
+    )
+    crops = crop_templates(shard.templates, views, np.zeros(len(views)), config)
+    return crops.nearest_to(crops.Ts_crop_part[0], shard.symmetries)
+
+
+def _turn_towards(templates: TemplateCrops, T_crop_part: Float[np.ndarray, "4 4"], rng: np.random.Generator) -> float:
+    """Return the turn by which a query is about as upright as the template that shows the part most like it.
+
+    At run time, queries are tried in twelve turns.
+    """
+    Rs, R = templates.Ts_crop_part[:, :3, :3], T_crop_part[:3, :3]
+    nearest = np.argmin(view_angles(Rs, R))
+    return align_turns(R[None], Rs[nearest])[0] + rng.uniform(-1, 1) * np.pi / 12
+
+
+def _nearest_to_a_template(
+    shard: Shard, T_crop_part: Float[np.ndarray, "4 4"], templates: TemplateCrops
+) -> Float[np.ndarray, "4 4"]:
+    """Return the equivalent pose that is turned least against one of the templates."""
+    Rs = templates.Ts_crop_part[:, :3, :3]
+    distances = shard.symmetries.rotation_distance(np.broadcast_to(T_crop_part[:3, :3], Rs.shape), Rs)
+    return shard.symmetries.closest_equivalent(T_crop_part, templates.Ts_crop_part[int(np.argmin(distances))])
+
+
+def _draw_around(
     shard: Shard, T_crop_part: Float[np.ndarray, "4 4"], config: RayPoseConfig, rng: np.random.Generator
 ) -> TemplateCrops:
-    Rs = shard.templates.Ts_camera_part[:, :3, :3]
-    count = config.templates
-    if not config.is_fine:
-        fixed = config.template_views == "fixed"
-        views, angles = draw_over_sphere(Rs, T_crop_part[:3, :3], count, rng, fixed=fixed)
-        return crop_templates(shard.templates, views, angles, config)
+    """Return fine templates: around the pose turned by a random error, moved and scaled at random."""
+    Rs, count = shard.templates.Ts_camera_part[:, :3, :3], config.templates
     spread = np.radians(config.spread_deg)
     error = np.clip(rng.normal(0, CENTRE_ERROR * spread), -spread, spread)
     axis = rng.normal(size=3)

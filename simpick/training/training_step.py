@@ -8,9 +8,9 @@ from torch import Tensor
 
 from simpick.estimators.raypose import losses
 from simpick.estimators.raypose.matching import MIN_COVERAGE, Matches
-from simpick.estimators.raypose.model import RayPose
+from simpick.estimators.raypose.model import RayPose, TemplateTokens
 from simpick.estimators.raypose.objective import add_noise
-from simpick.estimators.raypose.pose_maps import ViewPoses, encode_pose_maps
+from simpick.estimators.raypose.pose_maps import encode_pose_maps
 from simpick.estimators.raypose.schedule import Schedule
 from simpick.training.batches import TrainingBatch
 
@@ -20,8 +20,9 @@ def loss_terms(
 ) -> dict[str, Float[Tensor, ""]]:
     """Return the terms of the loss by the names of `LossWeights`; noise comes from `generator`, on the CPU."""
     config = model.config
-    query, templates = model.encode_query(batch.query), model.encode_templates(batch.templates)
-    conditioning = model.condition(query, model.fuse(templates))
+    query = model.encode_query(batch.query)
+    templates = model.fuse(model.encode_templates(batch.templates)).for_queries(batch.sets)
+    conditioning = model.condition(query, templates)
     target = encode_pose_maps(batch.truth, conditioning.reference, config.map_cells, config.padding)
     steps = torch.randint(len(schedule), (len(batch),), generator=generator)
     log_snr = schedule.log_snrs[steps].to(target.device)
@@ -29,25 +30,27 @@ def loss_terms(
     predicted = model.denoise(add_noise(target, noise, log_snr), log_snr, conditioning).float()
     terms = losses.pose_map_losses(predicted, target, batch.truth, conditioning.reference, config.padding)
     if conditioning.matches is not None:
-        terms |= _matching(model, batch, conditioning.matches, conditioning.first, conditioning.reference)
+        terms |= _matching(model, batch, templates, conditioning.matches, conditioning.first)
     return terms
 
 
 def matching_terms(model: RayPose, batch: TrainingBatch) -> dict[str, Float[Tensor, ""]]:
     """Return only the terms of matching and of the pose solved from it, without fuser and decoder."""
-    query, templates = model.encode_query(batch.query), model.encode_templates(batch.templates)
+    query = model.encode_query(batch.query)
+    templates = model.encode_templates(batch.templates).for_queries(batch.sets)
     matches, first = model.first_maps(query, templates)
-    return _matching(model, batch, matches, first, model.reference(templates))
+    return _matching(model, batch, templates, matches, first)
 
 
 def _matching(
     model: RayPose,
     batch: TrainingBatch,
+    templates: TemplateTokens,
     matches: Matches,
     first: Float[Tensor, "groups views tokens 6"],
-    reference: ViewPoses,
 ) -> dict[str, Float[Tensor, ""]]:
-    points, covered = batch.templates.points, batch.templates.coverage >= MIN_COVERAGE
+    reference = model.reference(templates)
+    points, covered = templates.points, templates.coverage >= MIN_COVERAGE
     query_points, seen = batch.points, batch.seen
     if model.config.multiview:
         points, covered = points.flatten(1, 2), covered.flatten(1, 2)

@@ -63,9 +63,8 @@ class Validation:
     def _sample(
         self, model: RayPose, batch: TrainingBatch, schedule: Schedule
     ) -> tuple[Float[np.ndarray, "n 3 3"], Float[np.ndarray, "n 2"], Float[np.ndarray, "n"]]:
-        conditioning = model.condition(
-            model.encode_query(batch.query), model.fuse(model.encode_templates(batch.templates))
-        )
+        templates = model.fuse(model.encode_templates(batch.templates)).for_queries(batch.sets)
+        conditioning = model.condition(model.encode_query(batch.query), templates)
         generator = torch.Generator().manual_seed(self._config.seed)
         views = sample_views(model, conditioning, schedule, self._config.validation_steps, generator)
         pose = combine_views(views)

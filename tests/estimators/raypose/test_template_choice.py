@@ -63,28 +63,16 @@ def test_fixed_coarse_templates_are_far_apart_and_always_the_same() -> None:
 
 def test_drawn_coarse_templates_cover_the_sphere_in_every_draw_and_differ() -> None:
     rng = np.random.default_rng(0)
-    draws = [draw_over_sphere(RS, target, 8, rng) for target in random_rotation(rng, (50,))]
-    for views, angles in draws:
+    draws = [draw_over_sphere(RS, 8, rng) for _ in range(50)]
+    for views in draws:
         # From any direction some template is within a right angle: the part is covered from all sides.
         assert np.degrees(np.arccos((RS[:, 2] @ RS[views, 2].T).max(axis=1).clip(-1, 1))).max() < 85
-        # All turned alike, as at run time, where the query is turned instead.
-        assert np.ptp(angles) == 0
-    assert len({tuple(views) for views, _ in draws}) > 40
-    assert len({int(v) for views, _ in draws for v in views}) > 120
-    target = np.eye(3)
-    again = [draw_over_sphere(RS, target, 8, np.random.default_rng(0)) for _ in range(2)]
-    assert np.array_equal(again[0][0], again[1][0]) and np.array_equal(again[0][1], again[1][1])
-    fixed = [draw_over_sphere(RS, target, 8, rng, fixed=True)[0] for _ in range(2)]
+    assert len({tuple(views) for views in draws}) > 40
+    assert len({int(v) for views in draws for v in views}) > 120
+    again = [draw_over_sphere(RS, 8, np.random.default_rng(0)) for _ in range(2)]
+    assert np.array_equal(*again)
+    fixed = [draw_over_sphere(RS, 8, rng, fixed=True) for _ in range(2)]
     assert np.array_equal(*fixed) and np.array_equal(fixed[0], spread_over_sphere(RS, 8))
-
-
-def test_the_coarse_template_nearest_to_the_query_is_about_as_upright() -> None:
-    rng = np.random.default_rng(0)
-    for target in random_rotation(rng, (40,)):
-        views, angles = draw_over_sphere(RS, target, 8, rng)
-        nearest = views[np.argmin(view_angles(RS[views], target))]
-        off = align_turns(RS[[nearest]], target) - angles[0]
-        assert np.abs((off + np.pi) % (2 * np.pi) - np.pi) <= np.pi / 12 + 1e-9
 
 
 @pytest.mark.parametrize("spread_deg", [30.0, 60.0])
