@@ -67,7 +67,7 @@ def report_html(comparison: Comparison, plots: dict[str, str]) -> str:
         causes=_causes(comparison),
         recordings=_recordings(comparison),
         noise=escape(f"{config.noise_deg:g} deg and {config.noise_mm:g} mm"),
-        config=escape(json.dumps(config.to_json(), indent=2)),
+        config=escape(json.dumps(comparison.store.config, indent=2)),
         versions=escape(", ".join(f"{name} {version(name)}" for name in ("simpick", "mujoco", "torch", "numpy"))),
         machine=escape(f"Python {platform.python_version()}, {platform.system()} {platform.machine()}"),
     )
