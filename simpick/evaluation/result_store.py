@@ -148,7 +148,7 @@ class ResultStore:
                 self._results[result.key] = result
 
     def _remove_own_files(self) -> None:
-        for pattern in (self._config_file.name, RESULTS_FILE, "*.rrd", "*.rrd.partial"):
+        for pattern in (self._config_file.name, RESULTS_FILE, "*.rrd", "*.rrd.partial", "*.rrd.room"):
             for file in self.folder.glob(pattern):
                 file.unlink()
 
