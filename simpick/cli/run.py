@@ -33,13 +33,14 @@ class Run:
         from rich.console import Console
 
         from simpick.cli.parts import describe_files
-        from simpick.evaluation.episodes import recording_file, run_identity, validate
+        from simpick.evaluation.episodes import recording_file, validate
         from simpick.evaluation.result_store import ResultStore
+        from simpick.evaluation.run_identity import run_identity
         from simpick.evaluation.runs import check_workers, run_episodes
 
         check_workers(self.workers)
         validate(self.config)
-        store = ResultStore(self.out, run_identity(self.config), overwrite=self.overwrite)
+        store = ResultStore(self.out, run_identity(self.config, [self.config]), overwrite=self.overwrite)
         console = Console()
         for line in describe_files(self.config.parts):
             console.print(line, soft_wrap=True)

@@ -16,7 +16,9 @@ class CompareConfig(CellConfig):
     """Modes that pick the same bins: episode k is the bin of seed ``seed + k`` for each of them."""
 
     modes: tyro.conf.Positional[tuple[str, ...]] = (ORACLE, ORACLE_NOISE, "retrieval")
-    """Modes to compare, each held against the first and against the one before: NAME, or NAME@K for K hypotheses."""
+    """Modes to compare, each held against the first and against the one before: oracle (true poses), oracle_noise (true
+    poses, blurred), retrieval, retrieval_refined, coarse, fine, refined, or one that another package registers. NAME@K,
+    such as refined@8, asks an estimator for K hypotheses a part."""
     episodes: int = 10
     """How many bins each mode picks."""
     noise_deg: float = 5.0

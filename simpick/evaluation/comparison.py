@@ -9,12 +9,13 @@ import numpy as np
 from rich.console import Console
 
 from simpick.evaluation.compare_config import CompareConfig
-from simpick.evaluation.episodes import recording_file, run_identity, validate
+from simpick.evaluation.episodes import recording_file, validate
 from simpick.evaluation.failure_causes import Failure, find_failures
 from simpick.evaluation.modes import ORACLE
 from simpick.evaluation.paired import PairedStatistics, compare_modes, paired_bins
 from simpick.evaluation.result_store import EpisodeResult, ResultStore
 from simpick.evaluation.run_config import RunConfig
+from simpick.evaluation.run_identity import run_identity
 from simpick.evaluation.runs import Job, run_jobs
 
 COMPARE_FILE = "compare.json"
@@ -40,7 +41,8 @@ class Comparison:
         runs = config.run_configs()
         # The cell is the same for all modes, whose estimators were checked just now.
         validate(next(iter(runs.values())))
-        store = ResultStore(folder, run_identity(config), overwrite=overwrite, config_file=COMPARE_FILE)
+        identity = run_identity(config, runs.values())
+        store = ResultStore(folder, identity, overwrite=overwrite, config_file=COMPARE_FILE)
         return Comparison(config, runs, store)
 
     @property

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 from collections import Counter
 from collections.abc import Callable, Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -16,8 +15,8 @@ from matplotlib.figure import Figure
 
 from simpick.evaluation.comparison import Comparison
 from simpick.evaluation.failure_causes import FailureCause
+from simpick.evaluation.forgiveness import ERROR_EDGES, success_by_error
 from simpick.evaluation.grasp_scores import PERCEPTION_STAGES
-from simpick.evaluation.intervals import wilson_interval
 from simpick.evaluation.modes import parse_mode
 from simpick.evaluation.paired import executed
 from simpick.records import PickOutcome
@@ -27,10 +26,6 @@ HUES = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9")
 """Okabe and Ito's colours, made for colour-blind readers."""
 CAUSE_COLOURS = ("#88ccee", "#332288", "#cc6677", "#ddcc77", "#117733", "#bbbbbb")
 STAGE_COLOURS = ("#5b6570", "#88ccee", "#44aa99", "#0072b2", "#ddcc77", "#aa4499")
-ERROR_EDGES = {
-    "rotation_deg": (0.0, 1, 2, 5, 10, 20, 45, 180.1),
-    "translation_mm": (0.0, 1, 2, 5, 10, 20, 40, np.inf),
-}
 _STYLE: dict[Any, Any] = {
     "font.size": 10,
     "axes.spines.top": False,
@@ -141,27 +136,31 @@ def errors_plot(comparison: Comparison) -> str:
 
 
 def forgiveness_plot(comparison: Comparison) -> str:
-    """Draw the share of grasps that delivered a part against the error of the pose they were planned on."""
-    picks = [p for results in comparison.paired().values() for r in results for p in executed(r) if p.pose_error]
+    """Draw for each mode the share of grasps that delivered a part against the error of the pose behind them."""
+    picks = {mode: [p for r in results for p in executed(r)] for mode, results in comparison.paired().items()}
+    everyone = [pick for own in picks.values() for pick in own]
+    colours = mode_colours(comparison.modes)
 
     def draw(figure: Figure) -> None:
-        axes = figure.subplots(1, 2, sharey=True)
-        for axis, (key, edges) in zip(axes, ERROR_EDGES.items(), strict=True):
-            labels = []
-            for k, (low, high) in enumerate(pairwise(edges)):
-                labels.append(f"over {low:g}" if high > 180 else f"{low:g}-{high:g}")
-                inside = [p for p in picks if low <= getattr(p.pose_error, key) < high]
-                if inside:
-                    share = sum(p.outcome is PickOutcome.SUCCESS for p in inside) / len(inside)
-                    axis.plot([k, k], wilson_interval(share, len(inside)), color="#0072b2", linewidth=3, alpha=0.5)
-                    axis.plot(k, share, "o", color="#0072b2", markersize=7)
-                axis.annotate(f"{len(inside)}", (k, 1.03), ha="center", fontsize=8.5, color="#59636e")
-            axis.set_xticks(range(len(labels)), labels)
-            axis.set(xlabel=key.replace("_", " error [") + "]", ylim=(0, 1.12))
-            axis.grid(axis="y", alpha=0.25)
-        axes[0].set_ylabel("P(success | error)")
+        axes = figure.subplots(len(comparison.modes), 2, sharex="col", sharey=True, squeeze=False)
+        for row, mode in zip(axes, comparison.modes, strict=True):
+            for axis, key in zip(row, ERROR_EDGES, strict=True):
+                together = success_by_error(everyone, key)
+                axis.plot([s.share for s in together], "o-", color="#d0d5da", markersize=3, linewidth=1.5, zorder=1)
+                for k, own in enumerate(success_by_error(picks[mode], key)):
+                    if own.attempts:
+                        axis.plot([k, k], own.interval, color=colours[mode], linewidth=3, alpha=0.5)
+                        axis.plot(k, own.share, "o", color=colours[mode], markersize=7)
+                        axis.annotate(f"{own.attempts}", (k, 1.1), ha="center", fontsize=8.5, color="#59636e")
+                axis.set_xticks(range(len(together)), [s.label for s in together])
+                axis.set(ylim=(-0.06, 1.32), yticks=(0, 0.5, 1))
+                axis.grid(axis="y", alpha=0.25)
+            row[0].set_title(mode, loc="left", fontsize=10, color=colours[mode], fontweight="bold")
+        for axis, key in zip(axes[-1], ERROR_EDGES, strict=True):
+            axis.set_xlabel(key.replace("_", " error [") + "]")
+        figure.supylabel("P(success | error)", fontsize=10)
 
-    return _svg("forgiveness", draw, (9, 3.2))
+    return _svg("forgiveness", draw, (9, 0.8 + 1.35 * len(comparison.modes)))
 
 
 def causes_plot(comparison: Comparison) -> str:

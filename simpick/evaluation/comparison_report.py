@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import platform
+import shlex
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from html import escape
 from importlib.metadata import version
 from pathlib import Path
@@ -18,9 +19,10 @@ from simpick.evaluation.comparison import Comparison
 from simpick.evaluation.comparison_plots import PLOTS, mode_colours
 from simpick.evaluation.comparison_tables import DIFFERENCES, heading, number
 from simpick.evaluation.failure_causes import FailureCause
+from simpick.evaluation.forgiveness import SuccessShare, success_by_pose
 from simpick.evaluation.grasp_scores import PERCEPTION_STAGES
 from simpick.evaluation.modes import parse_mode
-from simpick.evaluation.paired import MEASURES, PairedStatistics, best_mode
+from simpick.evaluation.paired import MEASURES, PairedStatistics, best_mode, executed
 
 REPORT_FILE = "report.html"
 TEMPLATE = Path(__file__).with_name("report_template.html")
@@ -64,10 +66,11 @@ def report_html(comparison: Comparison, plots: dict[str, str]) -> str:
         figures=_figures(comparison, statistics),
         differences=_differences(statistics),
         stages=_stages(comparison),
+        forgiveness=_forgiveness(comparison),
         causes=_causes(comparison),
         recordings=_recordings(comparison),
         noise=escape(f"{config.noise_deg:g} deg and {config.noise_mm:g} mm"),
-        config=escape(json.dumps(config.to_json(), indent=2)),
+        config=escape(json.dumps(comparison.store.config, indent=2)),
         versions=escape(", ".join(f"{name} {version(name)}" for name in ("simpick", "mujoco", "torch", "numpy"))),
         machine=escape(f"Python {platform.python_version()}, {platform.system()} {platform.machine()}"),
     )
@@ -199,6 +202,21 @@ def _stages(comparison: Comparison) -> str:
     return _table(["mean ms a look", *PERCEPTION_STAGES, "all"], rows)
 
 
+def _forgiveness(comparison: Comparison) -> str:
+    def cell(own: SuccessShare) -> str:
+        if not own.attempts:
+            return "-"
+        low, high = (100 * bound for bound in own.interval)
+        return f"<b>{own.successes} of {own.attempts}</b><small>{low:.0f} to {high:.0f} %</small>"
+
+    rows, head = [], ()
+    for label, results in zip(_mode_cells(comparison), comparison.paired().values(), strict=True):
+        shares = success_by_pose([pick for result in results for pick in executed(result)])
+        head = tuple(escape(share.label) for share in shares)
+        rows.append([label, *map(cell, shares)])
+    return _table(["grasps that delivered", *head], rows)
+
+
 def _causes(comparison: Comparison) -> str:
     rows = []
     for label, failures in zip(_mode_cells(comparison), comparison.failures().values(), strict=True):
@@ -226,12 +244,17 @@ def _recordings(comparison: Comparison) -> str:
         rows.append([f"seed {comparison.config.seed + episode}", *cells])
         names = [files[episode, mode].name for mode in comparison.modes if (episode, mode) in files]
         if names:
-            commands.append(f"rerun {' '.join(names)}")
+            commands.append(_rerun(names))
     table = _table(["delivered, looks", *_mode_cells(comparison)], rows)
     if not commands:
         return table + "<p>No recordings: run with <code>--record --overwrite</code> to make them.</p>"
-    listing = escape("\n".join(commands))
+    together, single = escape("\n".join(commands)), escape("\n".join(_rerun([file.name]) for file in files.values()))
     return (
-        f"{table}<p>Links lead to the recordings beside this file. To watch all modes of a bin side by side, in this "
-        f"folder:</p><pre>{listing}</pre>"
+        f"{table}<p>Links lead to the recordings beside this file, also after the folder was moved. To watch all modes "
+        f"of a bin side by side, in this folder:</p><pre>{together}</pre><p>Or one by one:</p><pre>{single}</pre>"
     )
+
+
+def _rerun(names: Sequence[str]) -> str:
+    """Return the command that opens these recordings, in the folder where they lie."""
+    return shlex.join(["rerun", *names])

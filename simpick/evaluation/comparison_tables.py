@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 
 from rich.box import SIMPLE
 from rich.table import Table
@@ -12,6 +13,8 @@ from simpick.evaluation.paired import MEASURES, Measure, PairedStatistics
 
 DIFFERENCES = ("grasp_success", "first_try", "clearance", "mpph", "rotation_deg", "translation_mm")
 """Measures whose differences are told."""
+TABLE_MEASURES = 3
+"""Columns of a table: as many as fit beside the longest names of modes in 80 columns."""
 
 
 def number(value: float, measure: Measure, *, sign: bool = False) -> str:
@@ -23,11 +26,11 @@ def number(value: float, measure: Measure, *, sign: bool = False) -> str:
 
 
 def with_interval(interval: Interval, measure: Measure, *, sign: bool = False) -> str:
-    """Return a value with its interval, such as ``69.9 (60.1 to 78.0)``."""
+    """Return a value with its interval, such as ``69.9 (60.1 to 78.0)``, on two lines."""
     if math.isnan(interval.low):
         return number(interval.value, measure, sign=sign)
     low, high = (number(bound, measure, sign=sign) for bound in (interval.low, interval.high))
-    return f"{number(interval.value, measure, sign=sign)} ({low} to {high})"
+    return f"{number(interval.value, measure, sign=sign)}\n({low} to {high})"
 
 
 def heading(measure: Measure) -> str:
@@ -35,30 +38,42 @@ def heading(measure: Measure) -> str:
     return f"{measure.title}, {measure.unit}" if measure.unit else measure.title
 
 
-def modes_table(statistics: PairedStatistics) -> Table:
-    """Return the figures: a row for each measure, a column for each mode."""
-    table = Table(box=SIMPLE, title=f"{len(statistics.bins)} paired bins, 95 % intervals")
-    table.add_column("measure")
-    for mode in statistics.modes:
-        table.add_column(mode, justify="right")
-    for measure in MEASURES:
-        cells = [with_interval(statistics.measures[mode][measure.key], measure) for mode in statistics.modes]
-        table.add_row(heading(measure), *cells)
-    return table
+def modes_tables(statistics: PairedStatistics) -> list[Table]:
+    """Return the figures: a row for each mode, a column for each measure."""
+    title = f"{len(statistics.bins)} paired bins, 95 % intervals"
+    return _tables(title, "mode", [(mode, statistics.measures[mode]) for mode in statistics.modes], MEASURES)
 
 
-def differences_table(statistics: PairedStatistics) -> Table:
-    """Return the paired differences: a row for each measure, a column for each pair of modes; * excludes zero."""
-    table = Table(box=SIMPLE, title="differences over the same bins; * where the 95 % interval excludes zero")
-    table.add_column("measure")
-    for difference in statistics.differences:
-        table.add_column(f"{difference.mode}\n- {difference.against}", justify="right")
-    for measure in MEASURES:
-        if measure.key in DIFFERENCES:
+def differences_tables(statistics: PairedStatistics) -> list[Table]:
+    """Return the paired differences: a row for each pair of modes, a column for each measure; * excludes zero."""
+    rows = [(f"{d.mode}\n- {d.against}", d.measures) for d in statistics.differences]
+    shown = [measure for measure in MEASURES if measure.key in DIFFERENCES]
+    title = "differences over the same bins; * where the 95 % interval excludes zero"
+    return _tables(title, "modes", rows, shown, differences=True) if rows else []
+
+
+def _tables(
+    title: str,
+    label: str,
+    rows: Sequence[tuple[str, Mapping[str, Interval]]],
+    measures: Sequence[Measure],
+    *,
+    differences: bool = False,
+) -> list[Table]:
+    """Return tables of `TABLE_MEASURES` columns, so that any number of modes can be read in 80 columns."""
+    tables = []
+    for first in range(0, len(measures), TABLE_MEASURES):
+        shown = measures[first : first + TABLE_MEASURES]
+        table = Table(box=SIMPLE, title=title if first == 0 else None)
+        table.add_column(label, no_wrap=True)
+        for measure in shown:
+            table.add_column(heading(measure), justify="right")
+        for name, intervals in rows:
             cells = []
-            for difference in statistics.differences:
-                interval = difference.measures[measure.key]
-                star = "*" if interval.excludes_zero else ""
-                cells.append(with_interval(interval, measure, sign=True) + star)
-            table.add_row(heading(measure), *cells)
-    return table
+            for measure in shown:
+                interval = intervals[measure.key]
+                star = "*" if differences and interval.excludes_zero else ""
+                cells.append(with_interval(interval, measure, sign=differences) + star)
+            table.add_row(name, *cells)
+        tables.append(table)
+    return tables

@@ -7,11 +7,10 @@ import time
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from simpick.assets.library import get_part, library_part_names
+from simpick.assets.library import library_part_names
 from simpick.assets.part import Part
 from simpick.envs.bin_pick import BinPickEnv
 from simpick.envs.observations import frame_from_observation
@@ -59,20 +58,6 @@ def validate(config: RunConfig) -> None:
     env = make_env(config)
     make_perception(config, env, np.random.default_rng(0))
     env.close()
-
-
-def run_identity(config: CellConfig) -> dict[str, Any]:
-    """Return what the results of `config` depend on, for a `ResultStore`.
-
-    Beside the settings these are the parts that the user brought: the file behind a name may change, and results of
-    one shape must not be taken for those of another.
-
-    Raises:
-        UnknownPartError, MeshError: a part does not exist or cannot be read.
-    """
-    library = library_part_names()
-    own = {name: get_part(name).content_hash for name in config.parts if name not in library}
-    return config.to_json() | ({"content_of_parts": own} if own else {})
 
 
 def make_policy(config: RunConfig, env: BinPickEnv, seed: int) -> PickPolicy:

@@ -11,11 +11,12 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from simpick.evaluation.episodes import run_identity, validate
+from simpick.evaluation.episodes import validate
 from simpick.evaluation.grasp_scores import GraspScores, score_grasps
 from simpick.evaluation.intervals import wilson_interval
 from simpick.evaluation.result_store import ResultStore
 from simpick.evaluation.run_config import RunConfig
+from simpick.evaluation.run_identity import run_identity
 from simpick.evaluation.runs import run_episodes
 
 
@@ -36,7 +37,7 @@ def run_step(
     """Run the episodes of one level under ``folder/<unit>_<noise>``."""
     config = dataclasses.replace(config, **{f"noise_{unit}": noise})
     validate(config)
-    store = ResultStore(folder / f"{unit}_{noise:g}", run_identity(config), overwrite=overwrite)
+    store = ResultStore(folder / f"{unit}_{noise:g}", run_identity(config, [config]), overwrite=overwrite)
     run_episodes(config, store, record=False, workers=workers, console=console)
     return NoiseStep(unit, noise, score_grasps(store.results))
 

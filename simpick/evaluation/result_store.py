@@ -10,6 +10,7 @@ from typing import Any
 
 from simpick.caching import atomic_write_text
 from simpick.errors import OutputError
+from simpick.evaluation.identity_changes import changes
 from simpick.records import PickOutcome, PickRecord, PoseError
 
 RESULTS_FILE = "results.jsonl"
@@ -105,7 +106,8 @@ class ResultStore:
         """
         self.folder = folder
         self._config_file = folder / config_file
-        self._config = json.loads(json.dumps(config))
+        self.config: dict[str, Any] = json.loads(json.dumps(config))
+        """What the configuration file states."""
         self._results: dict[tuple[int, str], EpisodeResult] = {}
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -130,26 +132,23 @@ class ResultStore:
                     f"{self.folder} must be empty or hold results of simpick, it holds {', '.join(strangers[:5])}. "
                     "Choose another folder with --out"
                 )
-            atomic_write_text(config_file, json.dumps(self._config, indent=2) + "\n")
+            atomic_write_text(config_file, json.dumps(self.config, indent=2) + "\n")
             return
         previous = _read_config(config_file)
-        differing = sorted(k for k in previous.keys() | self._config.keys() if previous.get(k) != self._config.get(k))
-        if differing and all(_has_grown(key, previous.get(key), self._config.get(key)) for key in differing):
-            atomic_write_text(config_file, json.dumps(self._config, indent=2) + "\n")
-            differing = []
-        if differing:
-            changes = ", ".join(f"{k} ({previous.get(k)!r} there, {self._config.get(k)!r} now)" for k in differing)
+        if differing := changes(previous, self.config):
             raise OutputError(
-                f"{self.folder} holds results of another configuration: {changes}. "
-                "Choose another folder with --out, or --overwrite to replace them"
+                f"{self.folder} holds results of another configuration: {', '.join(differing)}. They are left as they "
+                "are. Choose another folder with --out, or --overwrite to replace them"
             )
+        if previous != self.config:
+            atomic_write_text(config_file, json.dumps(self.config, indent=2) + "\n")
         results_file = self.folder / RESULTS_FILE
         if results_file.exists():
             for result in read_results(results_file):
                 self._results[result.key] = result
 
     def _remove_own_files(self) -> None:
-        for pattern in (self._config_file.name, RESULTS_FILE, "*.rrd", "*.rrd.partial"):
+        for pattern in (self._config_file.name, RESULTS_FILE, "*.rrd", "*.rrd.partial", "*.rrd.room"):
             for file in self.folder.glob(pattern):
                 file.unlink()
 
@@ -182,13 +181,6 @@ class ResultStore:
 
 def _in_order(results: dict[tuple[int, str], EpisodeResult]) -> tuple[EpisodeResult, ...]:
     return tuple(results[key] for key in sorted(results))
-
-
-def _has_grown(key: str, before: Any, now: Any) -> bool:
-    """Return whether a setting may differ because there is only more to do: episodes or modes."""
-    if key == "episodes":
-        return before is not None and before < now
-    return key == "modes" and before is not None and set(before) < set(now)
 
 
 def _read_config(file: Path) -> dict[str, Any]:

@@ -4,16 +4,33 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
+import threading
 from concurrent.futures import ProcessPoolExecutor
 
 
 def spawned_pool(workers: int) -> ProcessPoolExecutor:
     """Return a pool whose workers share the machine's cores between them.
 
-    Its processes are spawned, because a forked child would share its parent's OpenGL context.
+    Its processes are spawned, because a forked child would share its parent's OpenGL context. They end with this
+    process, however it ends: a pool's workers would otherwise outlive one that is killed, and wait for ever.
     """
     context = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(workers, mp_context=context, initializer=_share_cores, initargs=(workers,))
+    return ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(workers,))
+
+
+def _begin(workers: int) -> None:
+    """Prepare a worker."""
+    _share_cores(workers)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    # Terminated rather than ended at once, so that a recording that is open is closed.
+    os.kill(os.getpid(), signal.SIGTERM)
 
 
 def _share_cores(workers: int) -> None:

@@ -14,6 +14,9 @@ import rerun as rr
 from simpick.errors import ConfigError, OutputError
 
 APPLICATION_ID = "simpick"
+ROOM_BYTES = 8 * 1024 * 1024
+"""What `RecordingFile.require_room` asks for: several times what one pick adds."""
+_PATIENCE_S = 60.0
 
 
 class RecordingFile:
@@ -43,7 +46,8 @@ class RecordingFile:
         _watch(self)
 
     def open(self, recording_id: str, *, serve_port: int | None = None) -> rr.RecordingStream:
-        """Start the recording; `serve_port` also serves it, to this machine only."""
+        """Start the recording; `serve_port` also serves it, to this machine only. Raises `OutputError` without room."""
+        self.require_room()
         stream = rr.RecordingStream(
             APPLICATION_ID,
             recording_id=recording_id,
@@ -63,7 +67,11 @@ class RecordingFile:
         return stream
 
     def close(self) -> None:
-        """Write what is pending and the footer, and give the file its name. A second call does nothing."""
+        """Write what is pending and the footer, and give the file its name. A second call does nothing.
+
+        Raises:
+            OutputError: the disk did not take it; only the partial file is left.
+        """
         if self._closed:
             return
         self._closed = True
@@ -71,10 +79,38 @@ class RecordingFile:
         if self._stream is None:
             self._partial.unlink(missing_ok=True)
             return
-        self._stream.flush()
+        try:
+            self._stream.flush(timeout_sec=_PATIENCE_S)
+        except RuntimeError as error:
+            # Disconnecting would wait again, and without an end.
+            raise OutputError(_no_room(self.path, f"not written within {_PATIENCE_S:g} s")) from error
         self._stream.disconnect()
         self._stream = None
         self._partial.replace(self.path)
+
+    def require_room(self) -> None:
+        """Check that the disk takes `ROOM_BYTES` more, by writing them beside the recording and deleting them.
+
+        To be called before much is recorded: rerun writes from a thread of its own, which tells nobody that it failed,
+        and waiting for it then has no end.
+
+        Raises:
+            OutputError: the disk is full, or a quota or limit is reached.
+        """
+        probe = self.path.with_name(self.path.name + ".room")
+        try:
+            probe.write_bytes(bytes(ROOM_BYTES))
+        except OSError as error:
+            raise OutputError(_no_room(self.path, error.strerror or str(error))) from error
+        finally:
+            probe.unlink(missing_ok=True)
+
+
+def _no_room(path: Path, reason: str) -> str:
+    return (
+        f"cannot record to {path}: {reason}. What was finished before is kept: make room and run the same command "
+        "again to go on, or leave out --record"
+    )
 
 
 _open_files: list[RecordingFile] = []

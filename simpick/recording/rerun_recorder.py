@@ -112,8 +112,12 @@ class RerunRecorder:
             episode.logger.flush()
 
     def start_pick(self, pick: int) -> None:
-        """Begin a pick: later events stand at this number on the timeline ``pick``."""
+        """Begin a pick: later events stand at this number on the timeline ``pick``.
+
+        Raises `OutputError` where the disk is full; what was recorded before can still be closed.
+        """
         self._running("start_pick")
+        self._file.require_room()
         self._set_time(Instant(self._now.sim_time_s, pick))
         self._pick_start = self._now
         self._log_state(OUTCOME_PATH, "")

@@ -70,6 +70,17 @@ def test_the_report_needs_nothing_else(whole: Path) -> None:
     links = re.findall(r'<a href="([^"]+)"', html)
     assert len(links) == 6 and all((whole / link).is_file() for link in links)
     assert "rerun oracle_jaw_seed0000.rrd oracle_noise_jaw_seed0000.rrd" in html
+    assert all(f"\nrerun {link}\n" in html.replace("<pre>", "\n").replace("</pre>", "\n") for link in links)
+
+
+def test_the_report_of_a_folder_that_was_moved_still_leads_to_its_recordings(whole: Path, tmp_path: Path) -> None:
+    moved = tmp_path / "elsewhere" / "renamed"
+    shutil.copytree(whole, moved)
+    html = (moved / "report.html").read_text()
+    assert str(whole) not in html
+    assert all((moved / link).is_file() for link in re.findall(r'<a href="([^"]+)"', html))
+    assert main([*MODES, *SMALL, "--episodes", "3", "--record", "--out", str(moved)]) == 0
+    assert (moved / "report.html").read_text() == html
 
 
 def test_more_bins_and_modes_go_on(whole: Path, tmp_path: Path, capsys) -> None:
@@ -142,6 +153,36 @@ def test_a_full_disk_keeps_what_is_finished(whole: Path, tmp_path: Path, monkeyp
     assert second.key not in store
     assert read_results(tmp_path / "out" / "results.jsonl") == [first]
     assert json.loads((tmp_path / "out" / "config.json").read_text()) == {"episodes": 3}
+
+
+FULL_DISK = """
+import resource, sys
+from simpick.cli.main import main
+from simpick.evaluation.result_store import ResultStore
+
+add = ResultStore.add
+
+def last(store, result):
+    add(store, result)
+    if len(store.results) == 1:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 20, resource.RLIM_INFINITY))
+
+ResultStore.add = last
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_a_disk_that_is_full_while_recording_ends_the_run_and_the_run_goes_on(whole: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    command = ["compare", "oracle", *SMALL, "--episodes", "2", "--record", "--out", str(folder)]
+    # A limit on the size of files stands for the full disk; rerun alone would wait for its writer for ever.
+    run = subprocess.run([sys.executable, "-c", FULL_DISK, *command], capture_output=True, text=True, timeout=100)
+    assert run.returncode == 2 and "Traceback" not in run.stderr
+    assert "oracle_jaw_seed0001.rrd: File too large. What was finished before is kept: make room" in run.stderr
+    assert len(timeless(folder)) == 1 and "partial report" in run.stdout
+    assert main(command) == 0
+    assert timeless(folder) == [line for line in timeless(whole) if line["mode"] == "oracle"][:2]
+    assert {file.name for file in folder.glob("*.rrd*")} == {f"oracle_jaw_seed000{k}.rrd" for k in range(2)}
 
 
 def test_a_run_that_stops_leaves_a_partial_report(

@@ -214,3 +214,19 @@ def _estimate_of(part):
     from simpick.records import PoseEstimate
 
     return PoseEstimate(part, np.eye(4), 1.0, "oracle", 0.0)
+
+
+def test_a_disk_that_fills_up_between_two_picks_is_told_and_leaves_a_whole_recording(tmp_path):
+    resource = pytest.importorskip("resource")
+    path, model = tmp_path / "full.rrd", mujoco.MjModel.from_xml_string(XML)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with RerunRecorder(path) as recorder:
+        recorder.start_episode(episode_id="full", config={}, model=model, data=mujoco.MjData(model), parts=[])
+        recorder.start_pick(0)
+        try:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (2**20, before[1]))
+            with pytest.raises(OutputError, match=r"cannot record to .*full\.rrd: File too large.*make room and run"):
+                recorder.start_pick(1)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert is_whole(path) and [file.name for file in tmp_path.iterdir()] == ["full.rrd"]

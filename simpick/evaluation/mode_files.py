@@ -1,0 +1,41 @@
+"""The files that a perception mode's answers depend on: weights, and what else was fitted to data and ships."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from importlib.metadata import entry_points
+from importlib.resources import files
+from pathlib import Path
+
+from simpick.estimators.raypose.checkpoints import shipped_checkpoint
+from simpick.evaluation.perceptions import ENTRY_POINT_GROUP
+from simpick.evaluation.run_config import RunConfig
+
+CONFIDENCE_FILE = Path(str(files("simpick.estimators.refiner").joinpath("confidence.json")))
+"""What ``simpick refiner calibrate`` fitted; without it the refiner's own scores rank its poses."""
+
+FILES_OF_PERCEPTION: dict[str, Callable[[], Sequence[Path]]] = {
+    "oracle": lambda: (),
+    "retrieval": lambda: (),
+    "retrieval_refined": lambda: (CONFIDENCE_FILE,),
+    "coarse": lambda: (shipped_checkpoint("coarse"),),
+    "fine": lambda: (shipped_checkpoint("fine"),),
+    "refined": lambda: (shipped_checkpoint("fine"), CONFIDENCE_FILE),
+}
+"""By the name of a perception that comes with simpick. Add to a line what its estimator reads, and nothing else."""
+
+
+def mode_data(config: RunConfig) -> dict[str, str]:
+    """Return a hash of each file behind a run's perception, by the file's name; files that do not exist are left out.
+
+    For a perception of another package, whose files nobody here knows, it is that package's version.
+
+    Raises:
+        CheckpointError: this installation has no weights for the mode.
+    """
+    if config.perception in FILES_OF_PERCEPTION:
+        found = [file for file in FILES_OF_PERCEPTION[config.perception]() if file.is_file()]
+        return {file.name: hashlib.sha256(file.read_bytes()).hexdigest()[:16] for file in found}
+    owners = (entry.dist for entry in entry_points(group=ENTRY_POINT_GROUP) if entry.name == config.perception)
+    return {f"package {dist.name}": dist.version for dist in owners if dist is not None}
