@@ -147,8 +147,10 @@ def _start(
             if network.is_dino
             else "dino_weights are for DINOv2 as image encoder (size 'paper'), simpick's own is trained with the rest"
         )
-    torch.manual_seed(config.seed)
-    model = RayPose(network)
+    # First weights follow from the seed; the caller's own randomness goes on as it was.
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(config.seed)
+        model = RayPose(network)
     if dino_weights is not None:
         load_dino_weights(model.image_encoder, dino_weights)
     if start_from is not None:

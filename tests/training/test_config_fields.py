@@ -1,0 +1,62 @@
+"""No dead options: every field of a configuration is read by some code beside the class that declares it."""
+
+import ast
+from dataclasses import fields
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+import simpick
+import simpick.estimators
+from simpick.estimators.raypose.config import RayPoseConfig
+from simpick.estimators.raypose.estimator import RayPoseEstimatorConfig
+from simpick.estimators.raypose.losses import LossWeights
+from simpick.estimators.refiner.config import AlignmentLevel, RefinerConfig
+from simpick.training.augmentation import AugmentationConfig
+from simpick.training.data_config import DataConfig
+from simpick.training.machine import Machine
+from simpick.training.train_config import TrainConfig
+
+CONFIGS = (
+    AlignmentLevel,
+    AugmentationConfig,
+    DataConfig,
+    Machine,
+    RayPoseConfig,
+    RayPoseEstimatorConfig,
+    RefinerConfig,
+    TrainConfig,
+)
+
+
+@cache
+def attributes_read() -> set[str]:
+    """Return the names of all attributes that are read anywhere but in a class's own check of its values."""
+    names = set()
+    folders = [Path(simpick.__file__).parent, Path(simpick.estimators.__file__).resolve().parent]
+    for file in (file for folder in folders for file in folder.rglob("*.py")):
+        tree = ast.parse(file.read_text())
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef) and node.name == "__post_init__":
+                node.body = [ast.Pass()]
+        names |= {
+            n.attr for n in ast.walk(tree) if isinstance(n, ast.Attribute) and isinstance(n.ctx, ast.Load)
+        }  # fmt: skip
+    return names
+
+
+@pytest.mark.parametrize("config", CONFIGS, ids=lambda c: c.__name__)
+def test_every_field_is_read(config: type) -> None:
+    dead = {field.name for field in fields(config)} - attributes_read()
+    assert not dead, f"nothing reads {', '.join(sorted(dead))} of {config.__name__}"
+
+
+def test_every_weight_has_a_loss_of_its_name() -> None:
+    from simpick.estimators.raypose import losses
+
+    named = {field.name for field in fields(LossWeights)}
+    terms = {n.value for n in ast.walk(ast.parse(Path(losses.__file__).read_text())) if isinstance(n, ast.Constant)}
+    step = Path(simpick.__file__).parent / "training" / "training_step.py"
+    terms |= {n.value for n in ast.walk(ast.parse(step.read_text())) if isinstance(n, ast.Constant)}
+    assert named <= terms
