@@ -28,6 +28,8 @@ from simpick.estimators.raypose.template_bank import TemplateBank
 from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
 from simpick.rendering import load_templates
 
+_FINE_ITERATIONS, _COARSE_ITERATIONS = 1, 2
+
 
 @dataclass(frozen=True)
 class RayPoseEstimatorConfig:
@@ -35,8 +37,11 @@ class RayPoseEstimatorConfig:
 
     turns: int = 12
     """Coarse only: turns of a detection about the optical axis in which it is compared with the upright templates."""
-    iterations: int = 1
-    """Fine only: how often templates are drawn around the estimate and a new one made."""
+    tried: int = 4
+    """Coarse only: how many of the turns, those whose matches agree best on a pose, are followed to the end."""
+    iterations: int | None = None
+    """How often templates are taken around the estimate and a new one made: 1 if None for fine; for coarse 2, beside
+    the first estimate from templates over the sphere."""
     steps: int = 3
     """Denoising steps."""
     hypotheses: int = 1
@@ -51,9 +56,11 @@ class RayPoseEstimatorConfig:
     """Of the part: how close hypotheses are that are one."""
 
     def __post_init__(self) -> None:
-        for name in ("turns", "iterations", "steps", "hypotheses", "min_mask_px"):
+        for name in ("turns", "tried", "steps", "hypotheses", "min_mask_px"):
             if getattr(self, name) < 1:
                 raise ConfigError(f"{name} must be 1 or more, got {getattr(self, name)}")
+        if self.iterations is not None and self.iterations < 0:
+            raise ConfigError(f"iterations must be 0 or more, got {self.iterations}")
         if self.hypotheses > 64:
             raise ConfigError(f"hypotheses must be between 1 and 64, got {self.hypotheses}")
 
@@ -85,6 +92,10 @@ class RayPoseEstimator:
                 "a fine network refines: give it an estimator to start from, such as RetrievalEstimator()"
             )
         self.mode = mode or ("fine" if model.config.is_fine else "coarse")
+        asked = self.config.iterations
+        self._iterations = (_COARSE_ITERATIONS if start is None else _FINE_ITERATIONS) if asked is None else asked
+        if start is not None and self._iterations < 1:
+            raise ConfigError(f"a fine network needs 1 iteration or more, got {self._iterations}")
         self._schedule = make_schedule()
         self._banks: dict[str, tuple[str, TemplateBank]] = {}
         self._parts: dict[str, Part] = {}
@@ -156,30 +167,38 @@ class RayPoseEstimator:
     def _fine(
         self, part: str, crops: QueryCrops, queries: QueryTokens, rows: list[int], starts: list[list[np.ndarray]]
     ) -> _Guesses:
-        """Return a guess for each start: templates around it, an answer, templates around that, and so on."""
-        bank = self._banks[part][1]
+        """Return a guess for each start."""
         query = np.repeat(rows, [len(own) for own in starts])
         Ts_camera_part = np.stack([T for own in starts for T in own])
-        scores = np.zeros(len(query))
-        for _ in range(self.config.iterations):
-            templates = bank.around(crops.poses_in_crops(query, Ts_camera_part))
-            views, scores = self._sample(queries, query, templates)
-            Ts_camera_part = crops.poses_in_camera(query, combine_views(views))
-        return _Guesses(query, Ts_camera_part, scores)
+        return self._followed(part, crops, queries, query, _Guesses(query, Ts_camera_part, np.zeros(len(query))))
 
     def _coarse(self, part: str, crops: QueryCrops, queries: QueryTokens, rows: list[int], turns: int) -> _Guesses:
         """Return a guess for each of the turns whose matches agree best on a pose."""
         sphere = self._banks[part][1].over_sphere()
         turned = (np.array(rows)[:, None] * turns + np.arange(turns)).ravel()
         if turns > 1:
-            agreed = self.model.first_support(
-                _some(queries, turned), sphere.for_queries(torch.zeros(len(turned), dtype=torch.long))
-            )
-            keep = min(turns, max(2, self.config.hypotheses))
+            agreed = self.model.first_support(_some(queries, turned), _for_all(sphere, len(turned)))
+            keep = min(turns, max(self.config.tried, self.config.hypotheses))
             best = agreed.reshape(len(rows), turns).topk(keep, dim=1).indices.numpy()
             turned = (np.array(rows)[:, None] * turns + best).ravel()
-        views, scores = self._sample(queries, turned, sphere.for_queries(torch.zeros(len(turned), dtype=torch.long)))
-        return _Guesses(turned // turns, crops.poses_in_camera(turned, combine_views(views)), scores)
+        views, scores = self._sample(queries, turned, _for_all(sphere, len(turned)))
+        first = _Guesses(turned // turns, crops.poses_in_camera(turned, combine_views(views)), scores)
+        return self._followed(part, crops, queries, turned, first)
+
+    def _followed(
+        self, part: str, crops: QueryCrops, queries: QueryTokens, crop: np.ndarray, guesses: _Guesses
+    ) -> _Guesses:
+        """Return guesses after templates around them, an answer, templates around that, and so on.
+
+        `crop` tells for each guess the crop that it is seen in.
+        """
+        bank = self._banks[part][1]
+        Ts_camera_part, scores = guesses.Ts_camera_part, guesses.scores
+        for _ in range(self._iterations):
+            templates = bank.around(crops.poses_in_crops(crop, Ts_camera_part))
+            views, scores = self._sample(queries, crop, templates)
+            Ts_camera_part = crops.poses_in_camera(crop, combine_views(views))
+        return _Guesses(guesses.rows, Ts_camera_part, scores)
 
     def _sample(
         self, queries: QueryTokens, rows: np.ndarray, templates: TemplateTokens
@@ -246,6 +265,11 @@ def load_estimator(
 
         start = RetrievalEstimator(RetrievalConfig(hypotheses=max(5, config.hypotheses)))
     return RayPoseEstimator(model, config, start=start)
+
+
+def _for_all(templates: TemplateTokens, queries: int) -> TemplateTokens:
+    """Return one set of templates for each of so many queries."""
+    return templates.for_queries(torch.zeros(queries, dtype=torch.long))
 
 
 def _some(queries: QueryTokens, rows: np.ndarray) -> QueryTokens:

@@ -79,6 +79,21 @@ def test_a_fine_predictor_comes_closer_than_where_it_starts(crank):
     assert np.median(depth) < 0.05
 
 
+def test_a_coarse_predictor_comes_closer_with_templates_around_its_own_estimates(crank):
+    errors = {}
+    seen = list(pictures(crank, 8, seed=3))
+    for iterations in (0, 2):
+        estimator = load_estimator("coarse", RayPoseEstimatorConfig(iterations=iterations))
+        estimator.onboard(crank)
+        errors[iterations] = [
+            np.degrees(crank.symmetries.rotation_distance(estimate.T_camera_part[:3, :3], T[:3, :3]))
+            for frame, detection, T in seen
+            for estimate in estimator.estimate(frame, [detection])
+        ]
+    assert len(errors[0]) == len(errors[2]) == 8
+    assert np.median(errors[2]) < 0.7 * np.median(errors[0])
+
+
 def test_the_same_image_gives_the_same_answer_alone_and_in_a_batch(coarse, crank):
     frame, detection, _ = next(iter(pictures(crank, 1)))
     other = replace_detection(detection)
@@ -159,8 +174,12 @@ def test_weights_of_the_other_mode_are_refused(tmp_path):
 
 
 def test_settings_out_of_range_are_refused():
-    for name in ("turns", "iterations", "steps", "hypotheses", "min_mask_px"):
+    for name in ("turns", "tried", "steps", "hypotheses", "min_mask_px"):
         with pytest.raises(ConfigError, match=f"{name} must be 1 or more, got 0"):
             RayPoseEstimatorConfig(**{name: 0})
+    with pytest.raises(ConfigError, match="iterations must be 0 or more, got -1"):
+        RayPoseEstimatorConfig(iterations=-1)
+    with pytest.raises(ConfigError, match="a fine network needs 1 iteration or more, got 0"):
+        RayPoseEstimator(tiny(), RayPoseEstimatorConfig(iterations=0), start=Start([]))
     with pytest.raises(ConfigError, match="hypotheses must be between 1 and 64, got 65"):
         RayPoseEstimatorConfig(hypotheses=65)
