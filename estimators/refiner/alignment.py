@@ -7,6 +7,7 @@ surface that it shows: ``dM = -grad M . du``, where du is how the surface point'
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,8 +56,15 @@ class Target:
 
     def rows(self, index: Int[Tensor, "m"]) -> Target:
         """Return these rows, in this order and as often."""
-        maps = (m[index] for m in (self.brightness, self.mask, self.trust, self.core, self.blurred_core, self.focal_px))
-        return Target(*maps, self.blur_px, self.stride)
+        return dataclasses.replace(
+            self,
+            brightness=self.brightness[index],
+            mask=self.mask[index],
+            trust=self.trust[index],
+            core=self.core[index],
+            blurred_core=self.blurred_core[index],
+            focal_px=self.focal_px[index],
+        )
 
 
 @dataclass(frozen=True, eq=False)

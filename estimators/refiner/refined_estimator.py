@@ -60,7 +60,10 @@ class RefinedEstimator:
         unanswered = [d for d in detections if not any(d is known for known in answered)]
         hypotheses = [e.hypotheses or (PoseHypothesis(e.T_camera_part, e.score),) for e in estimates]
         refined = self.refiner.refine(frame, [*answered, *unanswered], [*hypotheses, *((),) * len(unanswered)])
-        scores = [self._score(best, detection) for best, detection in zip(refined, answered, strict=False)]
+        scores = [
+            self._score(best_first, len(starts), detection)
+            for best_first, starts, detection in zip(refined, hypotheses, answered, strict=False)
+        ]
         elapsed_s = (time.perf_counter() - start) / len(estimates)
         return [
             dataclasses.replace(
@@ -74,17 +77,17 @@ class RefinedEstimator:
             for estimate, best_first, score in zip(estimates, refined, scores, strict=False)
         ]
 
-    def _score(self, best_first: Sequence[PoseHypothesis], detection: Detection) -> float:
+    def _score(self, best_first: Sequence[PoseHypothesis], starts: int, detection: Detection) -> float:
         if self._confidence is None:
             return best_first[0].score
-        return float(self._confidence.probability(confidence_features(best_first, _visible_px(detection))))
+        return float(self._confidence.probability(confidence_features(best_first, starts, visible_px(detection))))
 
     def close(self) -> None:
         """Free the refiner's OpenGL contexts; may be called again."""
         self.refiner.close()
 
 
-def _visible_px(detection: Detection) -> int:
+def visible_px(detection: Detection) -> int:
     """Return the mask's pixels, or the box's where there is no mask."""
     if detection.mask is not None:
         return int(detection.mask.sum())

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from unittest.mock import Mock
+
 import numpy as np
 
+import simpick.estimators.refiner
 from simpick.assets.library import get_part
 from simpick.estimators import PoseEstimator
-from simpick.estimators.refiner import RefinedEstimator
+from simpick.estimators.refiner import RefinedEstimator, read_confidence
 from simpick.estimators.refiner.confidence import Confidence
+from simpick.evaluation.perceptions import make_estimator
 from simpick.records import PoseEstimate
 from tests.estimators.refiner.scenes import T_TRUE, frame_of, start
 
@@ -47,9 +51,16 @@ def test_the_best_refined_hypothesis_answers():
 
 def test_with_confidence_the_score_is_a_probability():
     frame, detection = frame_of("l_bracket")
-    even = RefinedEstimator(TwoGuesses(), confidence=Confidence(0.0, (0.0, 0.0, 0.0)))
+    even = RefinedEstimator(TwoGuesses(), confidence=Confidence(0.0, (0.0, 0.0, 0.0, 0.0)))
     even.onboard(get_part("l_bracket"))
     (estimate,) = even.estimate(frame, [detection])
     even.close()
     assert estimate.score == 0.5
     assert estimate.hypotheses[0].score != 0.5
+
+
+def test_the_shipped_modes_say_probabilities(monkeypatch):
+    monkeypatch.setattr("simpick.estimators.refiner.RefinedEstimator", Mock())
+    make_estimator("retrieval_refined")
+    make = simpick.estimators.refiner.RefinedEstimator
+    assert make.call_args.kwargs == {"mode": "retrieval_refined", "confidence": read_confidence()}
