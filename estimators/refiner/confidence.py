@@ -19,7 +19,7 @@ from simpick.errors import ConfigError
 from simpick.records import PoseHypothesis
 
 SHIPPED_FILE = Path(__file__).with_name("confidence.json")
-FEATURES = ("log_score", "margin", "lone", "log_visible_px")
+FEATURES = ("log_score", "margin", "log_visible_px")
 GOOD_MM, GOOD_DEG = 5.0, 10.0
 """A pose is good enough below these errors: there the jaw forgives nearly everything (``simpick sweep``)."""
 _WIDEST_MARGIN = 1.0
@@ -33,28 +33,25 @@ class Confidence:
     weights: tuple[float, ...]
     """One for each of `FEATURES`."""
 
-    def probability(self, features: Float[np.ndarray, "*batch 4"]) -> Float[np.ndarray, "*batch"]:
+    def probability(self, features: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch"]:
         """Return the probability that a pose with these features is good."""
         # An array also for a single pose, where NumPy would make a scalar of it.
         return np.asarray(1 / (1 + np.exp(-(self.bias + features @ np.asarray(self.weights)))))
 
 
-def confidence_features(
-    best_first: Sequence[PoseHypothesis], starts: int, visible_px: int
-) -> Float[np.ndarray, "4"]:
-    """Return the cues of a detection's refined hypotheses, best first, which were refined from so many starts.
+def confidence_features(best_first: Sequence[PoseHypothesis], visible_px: int) -> Float[np.ndarray, "3"]:
+    """Return the cues of a detection's hypotheses, best first, which were refined from several starts.
 
     The margin is by how much the log score of the best exceeds that of the second distinct pose, 1 at most and where
-    several starts ended in one pose. A lone start had no rival, of which a flag tells, and its margin is 0.
+    all starts ended in one pose or worse ones.
     """
     logs = np.log([max(hypothesis.score, 1e-6) for hypothesis in best_first[:2]])
     margin = min(logs[0] - logs[1], _WIDEST_MARGIN) if len(logs) > 1 else _WIDEST_MARGIN
-    lone = starts < 2
-    return np.array([logs[0], 0.0 if lone else margin, float(lone), np.log(max(visible_px, 1))])
+    return np.array([logs[0], margin, np.log(max(visible_px, 1))])
 
 
 def fit_confidence(
-    features: Float[np.ndarray, "n 4"], good: Float[np.ndarray, "n"], *, ridge: float = 1.0
+    features: Float[np.ndarray, "n 3"], good: Float[np.ndarray, "n"], *, ridge: float = 1.0
 ) -> Confidence:
     """Return the logistic regression of these outcomes (0 or 1) by Newton's method, with a weak pull to zero weights.
 

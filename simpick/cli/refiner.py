@@ -50,7 +50,7 @@ class RefinerCalibrate:
     """Fit the probability that a refined pose can be picked by, on bins of random parts; check it on library parts.
 
     The random parts are training parts, so that library parts stay unseen. Hypotheses come from `retrieval`: its five
-    best together, and its best alone, because a lone start has no rival that it could be compared with.
+    best together, and its best alone with its flips, as `refined` starts.
     """
 
     bins: int = 8
@@ -86,11 +86,11 @@ class RefinerCalibrate:
         fit = [random_bin(k, self.parts, self.count) for k in range(self.bins)]
         fitted_on: dict[str, Outcomes] = {}
         held_out: dict[str, Outcomes] = {}
-        for name, starts in (("five starts", 5), ("one start", 1)):
-            estimator = RefinedEstimator(RetrievalEstimator(RetrievalConfig(hypotheses=starts)))
+        for name, hypotheses in (("five hypotheses", 5), ("one, flipped too", 1)):
+            estimator = RefinedEstimator(RetrievalEstimator(RetrievalConfig(hypotheses=hypotheses)))
             try:
-                fitted_on[name] = outcomes(fit, estimator, starts)
-                held_out[name] = outcomes(check, estimator, starts)
+                fitted_on[name] = outcomes(fit, estimator)
+                held_out[name] = outcomes(check, estimator)
             finally:
                 estimator.close()
         both = pooled(fitted_on.values())

@@ -29,7 +29,7 @@ _FIRST_BIN_SEED, _FIRST_PART_SEED = 61_000, 700_000
 class Outcomes:
     """Refined poses with their cues, and whether they were good."""
 
-    features: Float[np.ndarray, "n 4"]
+    features: Float[np.ndarray, "n 3"]
     good: Float[np.ndarray, "n"]
     """1 where rotation and translation error are below `GOOD_DEG` and `GOOD_MM`, else 0."""
 
@@ -53,8 +53,8 @@ def pooled(parts: Iterable[Outcomes]) -> Outcomes:
     return Outcomes(np.concatenate([o.features for o in parts]), np.concatenate([o.good for o in parts]))
 
 
-def outcomes(views: Iterable[BinView], estimator: RefinedEstimator, starts: int) -> Outcomes:
-    """Estimate every detection of these bins, with detections of each of `NOISES`, from so many starts each."""
+def outcomes(views: Iterable[BinView], estimator: RefinedEstimator) -> Outcomes:
+    """Estimate every detection of these bins, with detections of each of `NOISES`."""
     features, good = [], []
     for view in views:
         for part in dict.fromkeys(part.name for part in view.parts):
@@ -68,7 +68,7 @@ def outcomes(views: Iterable[BinView], estimator: RefinedEstimator, starts: int)
                 truth = truths[detection.instance]
                 model = EvaluationModel.of(get_part(estimate.part))
                 error = batch_pose_errors(estimate.T_camera_part[None], truth.T_camera_part[None], model)[0]
-                features.append(confidence_features(estimate.hypotheses, starts, visible_px(detection)))
+                features.append(confidence_features(estimate.hypotheses, visible_px(detection)))
                 good.append(error.rotation_deg < GOOD_DEG and error.translation_mm < GOOD_MM)
     return Outcomes(np.array(features).reshape(-1, len(FEATURES)), np.array(good, float))
 

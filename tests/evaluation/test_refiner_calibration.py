@@ -10,7 +10,7 @@ from simpick.evaluation.refiner_calibration import Outcomes, brier_score, plot_r
 
 
 def outcomes(scores: list[float], good: list[float]) -> Outcomes:
-    return Outcomes(np.array([[np.log(score), 0.0, 1.0, 6.0] for score in scores]), np.array(good))
+    return Outcomes(np.array([[np.log(score), 1.0, 6.0] for score in scores]), np.array(good))
 
 
 def test_pooled_outcomes_keep_cues_and_verdicts_together():
@@ -31,7 +31,7 @@ def test_reliability_is_drawn_for_each_set(tmp_path):
     widths = []
     for checked in ({"one start": some}, {"five starts": some, "one start": some}):
         file = tmp_path / f"{len(checked)}.png"
-        plot_reliability(checked, Confidence(0.0, (1.0, 0.0, 0.0, 0.0)), file)
+        plot_reliability(checked, Confidence(0.0, (1.0, 0.0, 0.0)), file)
         # The width stands in bytes 16 to 20 of a PNG.
         widths.append(int.from_bytes(file.read_bytes()[16:20], "big"))
     assert widths[1] == pytest.approx(2 * widths[0], rel=0.01)
