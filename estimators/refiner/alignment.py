@@ -7,14 +7,15 @@ surface that it shows: ``dM = -grad M . du``, where du is how the surface point'
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
-from simpick.estimators.refiner.blurring import blur, central_differences
+from simpick.estimators.refiner.blurring import blur, central_differences, eroded
 from simpick.estimators.refiner.config import RefinerConfig
 from simpick.estimators.refiner.rendered_maps import RenderedMaps, pixel_offsets
 from simpick.geometry import so3_exp
@@ -27,15 +28,43 @@ _LIGHT_RIDGE = 3e-3
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """Blurred maps of the image, one row a hypothesis; the same all through a level."""
+    """Maps of the image to align with, one row a crop; the same all through a level."""
 
     brightness: Float[Tensor, "n size size"]
     mask: Float[Tensor, "n size size"]
     trust: Float[Tensor, "n size size"]
+    core: Float[Tensor, "n size size"]
+    """1 where the mask covers a pixel and its neighbours, else 0."""
+    blurred_core: Float[Tensor, "n coarse coarse"]
     focal_px: Float[Tensor, "n"]
     blur_px: float
-    stride: int = 1
+    stride: int
     """Residuals stand at the centres of blocks this many pixels wide."""
+
+    @staticmethod
+    def of(
+        brightness: Float[Tensor, "n size size"],
+        mask: Float[Tensor, "n size size"],
+        trust: Float[Tensor, "n size size"],
+        focal_px: Float[Tensor, "n"],
+        blur_px: float,
+        stride: int = 1,
+    ) -> Target:
+        """Return the target that these maps of the image make."""
+        core = eroded((mask > 0.5).float())
+        return Target(brightness, mask, trust, core, blur(core, blur_px, stride), focal_px, blur_px, stride)
+
+    def rows(self, index: Int[Tensor, "m"]) -> Target:
+        """Return these rows, in this order and as often."""
+        return dataclasses.replace(
+            self,
+            brightness=self.brightness[index],
+            mask=self.mask[index],
+            trust=self.trust[index],
+            core=self.core[index],
+            blurred_core=self.blurred_core[index],
+            focal_px=self.focal_px[index],
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +86,7 @@ def align(target: Target, rendered: RenderedMaps, centres: Float[Tensor, "n 2"],
     covered = rendered.silhouette
     f = target.focal_px[:, None, None]
     edge_x, edge_y = central_differences(covered)
-    core = _eroded((target.mask > 0.5).float())
-    inner = _eroded(covered) * core
+    inner = eroded(covered) * target.core
     sharp = torch.stack(
         [
             rendered.nearness,
@@ -68,13 +96,12 @@ def align(target: Target, rendered: RenderedMaps, centres: Float[Tensor, "n 2"],
             trust * edge_y,
             inner,
             inner * target.brightness,
-            core,
             *(inner * rendered.normals[:, k] for k in range(3)),
         ]
     )
     blurred = blur(sharp, target.blur_px, stride)
-    near, blurred_silhouette, missed, edge_x, edge_y, share, seen, blurred_core = blurred[:8]
-    shown = blurred[8:].transpose(0, 1)  # (n, 3, coarse, coarse)
+    near, blurred_silhouette, missed, edge_x, edge_y, share, seen = blurred[:7]
+    shown = blurred[7:].transpose(0, 1)  # (n, 3, coarse, coarse)
 
     # Silhouettes: blurred difference where it can be trusted. Beyond the silhouette, the depth of the nearest rim.
     extended = near / blurred_silhouette.clamp_min(1e-4)
@@ -99,7 +126,7 @@ def align(target: Target, rendered: RenderedMaps, centres: Float[Tensor, "n 2"],
     H_b, g_b, cost_b, robust_b = _normal_equations(shading, J_shading)
     # What of the mask the rendering leaves bare, or covers with its rim only, explains no brightness.
     mask_blocks = target.mask.sum(dim=(1, 2)).clamp_min(1.0) / stride**2
-    bare = (blurred_core - share).clamp_min(0).sum(dim=(1, 2))
+    bare = (target.blurred_core - share).clamp_min(0).sum(dim=(1, 2))
     shading_misfit = ((robust_b * share).sum(dim=(1, 2)) + bare) / mask_blocks
     silhouette_misfit = cost_s / mask_blocks
     misfit = silhouette_misfit + weight * shading_misfit
@@ -176,7 +203,3 @@ def _normal_equations(
     weighted = flat * weights.flatten(1)[:, None]
     gradient = (weighted @ residual.flatten(1)[..., None])[..., 0]
     return weighted @ flat.transpose(1, 2), gradient, robust.sum(dim=(1, 2)), robust
-
-
-def _eroded(maps: Float[Tensor, "n size size"]) -> Float[Tensor, "n size size"]:
-    return -torch.nn.functional.max_pool2d(-maps[:, None], 3, 1, 1)[:, 0]

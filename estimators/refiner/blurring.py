@@ -1,4 +1,4 @@
-"""Gaussian blur of many small maps at once, as products with two banded matrices."""
+"""Gaussian blur of many small maps at once: blocks of pixels are averaged, then two products with a matrix follow."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+_LEAST_DEVIATION_BLOCKS = 0.3
+"""A Gaussian narrower than this many blocks changes nothing but would make the matrix's rows ill-defined."""
+
 
 def blur(
     maps: Float[Tensor, "*batch size size"], deviation_px: float, stride: int = 1
@@ -15,13 +18,17 @@ def blur(
     """Return square maps convolved with a Gaussian, zero beyond their borders, at the centres of blocks of pixels.
 
     Blocks are `stride` pixels wide: what is blurred has no finer detail, and every map after it has fewer pixels.
+    The kernel is the block's box and a Gaussian over blocks, whose variances add up to that of the Gaussian asked for;
+    so the products are as small as the maps that they make.
     """
-    size = maps.shape[-1]
-    B = _blur_matrix(size, deviation_px, stride)
-    coarse = len(B)
+    blocks = _block_means(maps, stride)
+    coarse = blocks.shape[-1]
+    box_variance = (stride**2 - 1) / 12
+    deviation_blocks = max(deviation_px**2 - box_variance, 0.0) ** 0.5 / stride
+    B = _blur_matrix(coarse, max(deviation_blocks, _LEAST_DEVIATION_BLOCKS))
     # Two large products, because many small ones are several times slower.
-    along_rows = (maps.reshape(-1, size) @ B.T).reshape(-1, size, coarse).transpose(1, 2)
-    blurred = (along_rows.reshape(-1, size) @ B.T).reshape(-1, coarse, coarse).transpose(1, 2)
+    along_rows = (blocks.reshape(-1, coarse) @ B.T).reshape(-1, coarse, coarse).transpose(1, 2)
+    blurred = (along_rows.reshape(-1, coarse) @ B.T).reshape(-1, coarse, coarse).transpose(1, 2)
     return blurred.reshape(*maps.shape[:-2], coarse, coarse)
 
 
@@ -35,10 +42,29 @@ def central_differences(
     return dx, dy
 
 
+def eroded(maps: Float[Tensor, "*batch size size"]) -> Float[Tensor, "*batch size size"]:
+    """Return the minimum over each pixel and its eight neighbours; what lies beyond the border does not count."""
+    # Slices along rows, then columns: several times faster than torch's pooling.
+    rows = maps.clone()
+    torch.minimum(maps[..., 1:, :], maps[..., :-1, :], out=rows[..., 1:, :])
+    rows[..., :-1, :] = torch.minimum(rows[..., :-1, :], maps[..., 1:, :])
+    both = rows.clone()
+    both[..., 1:] = torch.minimum(rows[..., 1:], rows[..., :-1])
+    both[..., :-1] = torch.minimum(both[..., :-1], rows[..., 1:])
+    return both
+
+
+def _block_means(maps: Float[Tensor, "*batch size size"], stride: int) -> Float[Tensor, "*batch coarse coarse"]:
+    # Sums of slices are several times faster than torch's pooling.
+    if stride == 1:
+        return maps
+    rows = sum(maps[..., k::stride, :] for k in range(1, stride)) + maps[..., ::stride, :]
+    return (sum(rows[..., k::stride] for k in range(1, stride)) + rows[..., ::stride]) / stride**2
+
+
 @lru_cache(maxsize=32)
-def _blur_matrix(size: int, deviation_px: float, stride: int) -> Float[Tensor, "coarse size"]:
-    centres = stride * torch.arange(size // stride, dtype=torch.float64) + (stride - 1) / 2
-    apart = centres[:, None] - torch.arange(size, dtype=torch.float64)
-    B = torch.exp(-0.5 * (apart / deviation_px) ** 2)
+def _blur_matrix(size: int, deviation: float) -> Float[Tensor, "size size"]:
+    places = torch.arange(size, dtype=torch.float64)
+    B = torch.exp(-0.5 * ((places[:, None] - places) / deviation) ** 2)
     # Rows in the middle sum to 1, those at the border to less: what lies beyond counts as zero.
-    return (B / B[len(B) // 2].sum()).float()
+    return (B / B[size // 2].sum()).float()

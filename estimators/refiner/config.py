@@ -18,7 +18,7 @@ class AlignmentLevel:
     iterations: int
     """Renderings of each hypothesis, at most."""
     keep: int
-    """So many of the best hypotheses go on to this level."""
+    """So many of the best distinct hypotheses go on to this level."""
     stride: int = 2
     """Residuals stand at every so many pixels along both axes: blurred maps hold no finer detail."""
 
@@ -39,7 +39,7 @@ class RefinerConfig:
 
     levels: tuple[AlignmentLevel, ...] = (
         AlignmentLevel(48, 2.5, 5, 6),
-        AlignmentLevel(64, 1.5, 5, 3),
+        AlignmentLevel(64, 1.5, 5, 4),
         AlignmentLevel(96, 1.2, 5, 2),
     )
     """From coarse to fine."""

@@ -14,7 +14,7 @@ from simpick.estimators.refiner.alignment import Alignment, moved
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-2, 1e-4, 1e3
 _LONGEST_TURN_RAD = 0.25
 _LARGEST_LOG_DEPTH = 0.08
-_CONVERGED = 2e-4
+_CONVERGED = 1.5e-3
 """A step shorter than this, in radians and log depth, ends the search."""
 
 
@@ -23,6 +23,8 @@ class Minimum:
     """Where the search ended, for n hypotheses."""
 
     Ts_crop_part: Float[np.ndarray, "n 4 4"]
+    Ts_ahead: Float[np.ndarray, "n 4 4"]
+    """Where a next iteration would look: most often nearer still, but not evaluated."""
     cost: Float[np.ndarray, "n"]
     misfit: Float[np.ndarray, "n"]
 
@@ -59,7 +61,7 @@ def minimise(
         if len(rows) == 0:
             break
         trial[rows] = moved(best[rows], steps)
-    return Minimum(best, cost, misfit)
+    return Minimum(best, trial, cost, misfit)
 
 
 def _damped_steps(

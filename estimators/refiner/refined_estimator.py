@@ -10,12 +10,15 @@ from simpick.assets.part import Part
 from simpick.estimators.base import PoseEstimator
 from simpick.estimators.refiner.confidence import Confidence, confidence_features
 from simpick.estimators.refiner.config import RefinerConfig
+from simpick.estimators.refiner.flipped_starts import with_flips
 from simpick.estimators.refiner.refiner import Refiner
 from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
 
 
 class RefinedEstimator:
     """Refines all hypotheses of a base estimator and answers with the one that fits best. A `PoseEstimator`.
+
+    A lone hypothesis is tried flipped too, see `with_flips`; several are taken to differ already.
 
     Closable, because the refiner renders.
     """
@@ -36,10 +39,12 @@ class RefinedEstimator:
         self._confidence = confidence
         self.base, self.mode = base, mode
         self.refiner = Refiner(config)
+        self._parts: dict[str, Part] = {}
 
     def onboard(self, part: Part) -> None:
         """Onboard the part at the base estimator and at the refiner."""
         self.base.onboard(part)
+        self._parts[part.name] = part
         self.refiner.onboard(part)
 
     def estimate(self, frame: CameraFrame, detections: Sequence[Detection]) -> list[PoseEstimate]:
@@ -58,9 +63,11 @@ class RefinedEstimator:
         answered = [e.detection for e in estimates if e.detection is not None]
         # Detections that the base left unanswered still hide others.
         unanswered = [d for d in detections if not any(d is known for known in answered)]
-        hypotheses = [e.hypotheses or (PoseHypothesis(e.T_camera_part, e.score),) for e in estimates]
+        hypotheses = [self._starts(e) for e in estimates]
         refined = self.refiner.refine(frame, [*answered, *unanswered], [*hypotheses, *((),) * len(unanswered)])
-        scores = [self._score(best, detection) for best, detection in zip(refined, answered, strict=False)]
+        scores = [
+            self._score(best_first, detection) for best_first, detection in zip(refined, answered, strict=False)
+        ]
         elapsed_s = (time.perf_counter() - start) / len(estimates)
         return [
             dataclasses.replace(
@@ -74,17 +81,23 @@ class RefinedEstimator:
             for estimate, best_first, score in zip(estimates, refined, scores, strict=False)
         ]
 
+    def _starts(self, estimate: PoseEstimate) -> Sequence[PoseHypothesis]:
+        """Return the base's hypotheses; a lone one gets rivals, as far as its part has been onboarded."""
+        own = list(estimate.hypotheses) or [PoseHypothesis(estimate.T_camera_part, estimate.score)]
+        part = self._parts.get(estimate.part)
+        return own if len(own) > 1 or part is None else with_flips(own[0], part)
+
     def _score(self, best_first: Sequence[PoseHypothesis], detection: Detection) -> float:
         if self._confidence is None:
             return best_first[0].score
-        return float(self._confidence.probability(confidence_features(best_first, _visible_px(detection))))
+        return float(self._confidence.probability(confidence_features(best_first, visible_px(detection))))
 
     def close(self) -> None:
         """Free the refiner's OpenGL contexts; may be called again."""
         self.refiner.close()
 
 
-def _visible_px(detection: Detection) -> int:
+def visible_px(detection: Detection) -> int:
     """Return the mask's pixels, or the box's where there is no mask."""
     if detection.mask is not None:
         return int(detection.mask.sum())

@@ -99,10 +99,8 @@ class Refiner:
         own = [masks[k] for k in rows]
         others = [(covered - mask) > 0 for mask in own]
         boxes = np.stack([box_of_mask(mask) for mask in own])
-        state = _State.of([[h.T_camera_part for h in some] for some in hypotheses])
-        for level in self.config.levels:
-            state = state.best(level.keep)
-            query = query_maps(
+        queries = [
+            query_maps(
                 frame,
                 own,
                 boxes,
@@ -111,63 +109,81 @@ class Refiner:
                 padding=self.config.padding,
                 occluder_weight=self.config.occluder_weight,
             )
-            state = self._at_level(level, query, parts, state)
-        return [
-            self._ranked(self._parts[part], state.Ts_camera_part[mine], state.misfit[mine])
-            for part, mine in ((part, state.detection == k) for k, part in enumerate(parts))
+            for level in self.config.levels
         ]
-
-    def _at_level(self, level: AlignmentLevel, query: QueryMaps, parts: Sequence[str], state: _State) -> _State:
-        """Refine all hypotheses of all parts at one level, part by part."""
-        Ts_crop_camera = query.cameras.Ts_crop_camera[state.detection]
-        Ts = Ts_crop_camera @ state.Ts_camera_part
-        misfit = np.empty(len(Ts))
+        answers: list[tuple[PoseHypothesis, ...]] = [()] * len(rows)
+        # Part by part through all levels, so that more parts than renderers do not open each of them at every level.
         for part in dict.fromkeys(parts):
-            mine = np.flatnonzero(np.array([parts[k] == part for k in state.detection]))
-            search = _LevelSearch(self._renderers, self._parts[part], level, query, state.detection[mine], self.config)
-            minimum = minimise(Ts[mine], search.evaluate, level.iterations)
-            Ts[mine], misfit[mine] = minimum.Ts_crop_part, minimum.misfit
-        return _State(state.detection, invert(Ts_crop_camera) @ Ts, misfit)
+            mine = [k for k, name in enumerate(parts) if name == part]
+            state = _State.of(mine, [[h.T_camera_part for h in hypotheses[k]] for k in mine])
+            for level, query in zip(self.config.levels, queries, strict=True):
+                state = self._at_level(level, query, self._parts[part], state.best(level.keep))
+                state = self._distinct(self._parts[part], state)
+            for k in mine:
+                of_k = np.flatnonzero(state.detection == k)
+                scored = [
+                    PoseHypothesis(state.Ts_camera_part[i], float(np.exp(-state.misfit[i] / _SOFTNESS))) for i in of_k
+                ]
+                answers[k] = tuple(sorted(scored, key=lambda hypothesis: -hypothesis.score))
+        return answers
 
-    def _ranked(
-        self, part: Part, Ts_camera_part: Float[np.ndarray, "n 4 4"], misfit: Float[np.ndarray, "n"]
-    ) -> tuple[PoseHypothesis, ...]:
-        scored = [
-            PoseHypothesis(T, float(np.exp(-value / _SOFTNESS)))
-            for T, value in zip(Ts_camera_part, misfit, strict=True)
-        ]
-        clusters = cluster_hypotheses(
-            scored,
-            part.symmetries,
-            part.diameter_m,
-            rotation_deg=self.config.merge_deg,
-            translation_diameters=self.config.merge_diameters,
+    def _at_level(self, level: AlignmentLevel, query: QueryMaps, part: Part, state: _State) -> _State:
+        """Refine all hypotheses of one part at one level."""
+        Ts_crop_camera = query.cameras.Ts_crop_camera[state.detection]
+        search = _LevelSearch(self._renderers, part, level, query, state.detection, self.config)
+        minimum = minimise(Ts_crop_camera @ state.Ts_ahead, search.evaluate, level.iterations)
+        Ts_camera_crop = invert(Ts_crop_camera)
+        return _State(
+            state.detection, Ts_camera_crop @ minimum.Ts_crop_part, Ts_camera_crop @ minimum.Ts_ahead, minimum.misfit
         )
-        return tuple(cluster.best for cluster in clusters)
+
+    def _distinct(self, part: Part, state: _State) -> _State:
+        """Leave out what ended where a better hypothesis of the same detection did."""
+        kept = []
+        for k in np.unique(state.detection):
+            mine = np.flatnonzero(state.detection == k)
+            own = [PoseHypothesis(state.Ts_camera_part[i], -float(state.misfit[i])) for i in mine]
+            row = {id(hypothesis): i for hypothesis, i in zip(own, mine, strict=True)}
+            clusters = cluster_hypotheses(
+                own,
+                part.symmetries,
+                part.diameter_m,
+                rotation_deg=self.config.merge_deg,
+                translation_diameters=self.config.merge_diameters,
+            )
+            kept += [row[id(cluster.best)] for cluster in clusters]
+        return state.rows(np.sort(np.array(kept)))
 
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """All hypotheses of all detections between two levels."""
+    """All hypotheses of one part's detections between two levels."""
 
     detection: Int[np.ndarray, "n"]
     """Which detection each belongs to."""
     Ts_camera_part: Float[np.ndarray, "n 4 4"]
+    Ts_ahead: Float[np.ndarray, "n 4 4"]
+    """Where the next level begins: a step beyond `Ts_camera_part`, which costs nothing."""
     misfit: Float[np.ndarray, "n"]
 
     @staticmethod
-    def of(poses: Sequence[Sequence[Float[np.ndarray, "4 4"]]]) -> _State:
-        """Return the start: the order of the hypotheses stands for their misfit."""
-        detection = np.repeat(np.arange(len(poses)), [len(own) for own in poses])
+    def of(detections: Sequence[int], poses: Sequence[Sequence[Float[np.ndarray, "4 4"]]]) -> _State:
+        """Return the start, each detection with its poses; the order of the poses stands for their misfit."""
+        detection = np.repeat(np.array(detections), [len(own) for own in poses])
         order = np.concatenate([np.arange(len(own)) for own in poses])
-        return _State(detection, np.array([T for own in poses for T in own]), order.astype(float))
+        Ts = np.array([T for own in poses for T in own])
+        return _State(detection, Ts, Ts, order.astype(float))
 
     def best(self, count: int) -> _State:
         """Return the `count` best hypotheses of each detection, in the order that they have."""
         order = np.lexsort([self.misfit, self.detection])
         first = np.searchsorted(self.detection[order], self.detection[order])
         kept = np.sort(order[np.arange(len(order)) - first < count])
-        return _State(self.detection[kept], self.Ts_camera_part[kept], self.misfit[kept])
+        return self.rows(kept)
+
+    def rows(self, kept: Int[np.ndarray, "k"]) -> _State:
+        """Return these hypotheses."""
+        return _State(self.detection[kept], self.Ts_camera_part[kept], self.Ts_ahead[kept], self.misfit[kept])
 
 
 class _LevelSearch:
@@ -182,22 +198,25 @@ class _LevelSearch:
         detection: Int[np.ndarray, "n"],
         config: RefinerConfig,
     ) -> None:
-        self._renderers, self._part, self._level, self._config = renderers, part, level, config
-        self._query, self._detection = query, detection
+        self._renderers, self._part, self._config = renderers, part, config
+        self._cameras, self._detection = query.cameras, detection
+        # Of this part's detections only, of which each has several hypotheses.
+        own, self._row = np.unique(detection, return_inverse=True)
+        focal_px = torch.from_numpy(query.cameras.focal_px[own]).float()
+        with torch.inference_mode():
+            maps = query.brightness[own], query.mask[own], query.trust[own]
+            self._target = Target.of(*maps, focal_px, level.blur_px, level.stride)
 
     def evaluate(self, Ts_crop_part: Float[np.ndarray, "m 4 4"], rows: Int[np.ndarray, "m"]) -> Alignment:
         """Return how well these poses of these rows fit."""
         of = self._detection[rows]
-        query = self._query
-        cameras = VirtualCameras(query.cameras.size_px, query.cameras.focal_px[of], query.cameras.Rs_crop_camera[of])
+        cameras = VirtualCameras(self._cameras.size_px, self._cameras.focal_px[of], self._cameras.Rs_crop_camera[of])
         depth_m = torch.from_numpy(self._renderers.depth(self._part, Ts_crop_part, cameras))
         origin_m = torch.from_numpy(Ts_crop_part[:, 2, 3]).float()
-        focal_px = torch.from_numpy(cameras.focal_px).float()
         centres = torch.from_numpy(Ts_crop_part[:, :2, 3] / Ts_crop_part[:, 2:3, 3]).float()
         with torch.inference_mode():
-            maps = query.brightness[of], query.mask[of], query.trust[of]
-            target = Target(*maps, focal_px, self._level.blur_px, self._level.stride)
-            return align(target, rendered_maps(depth_m, origin_m, focal_px), centres, self._config)
+            target = self._target.rows(torch.from_numpy(self._row[rows]))
+            return align(target, rendered_maps(depth_m, origin_m, target.focal_px), centres, self._config)
 
 
 def _is_comparable(mask: Bool[np.ndarray, "height width"]) -> bool:

@@ -49,7 +49,8 @@ class RefinerBasin:
 class RefinerCalibrate:
     """Fit the probability that a refined pose can be picked by, on bins of random parts; check it on library parts.
 
-    The random parts are training parts, so that library parts stay unseen. Hypotheses come from `retrieval`.
+    The random parts are training parts, so that library parts stay unseen. Hypotheses come from `retrieval`: its five
+    best together, and its best alone with its flips, as `refined` starts.
     """
 
     bins: int = 8
@@ -58,7 +59,7 @@ class RefinerCalibrate:
     """Kinds of random parts in each bin."""
     count: int = 24
     """Instances in each bin."""
-    check_bins: int = 5
+    check_bins: int = 10
     """Yardstick bins to check on."""
     out: Path = Path("logs/refiner_calibration")
     """Folder for confidence.json and reliability.png; files of these names are replaced."""
@@ -69,45 +70,51 @@ class RefinerCalibrate:
 
         from simpick.estimators.refiner import RefinedEstimator
         from simpick.estimators.refiner.confidence import fit_confidence
-        from simpick.estimators.retrieval import RetrievalEstimator
+        from simpick.estimators.retrieval import RetrievalConfig, RetrievalEstimator
         from simpick.evaluation.refiner_calibration import (
+            Outcomes,
             brier_score,
             outcomes,
             plot_reliability,
+            pooled,
             random_bin,
             write_confidence,
         )
         from simpick.evaluation.yardstick import load_view, yardstick_bins
 
-        check = yardstick_bins(self.check_bins)
-        estimator = RefinedEstimator(RetrievalEstimator())
-        console = Console()
-        try:
-            fitted_on = outcomes((random_bin(k, self.parts, self.count) for k in range(self.bins)), estimator)
-            confidence = fit_confidence(fitted_on.features, fitted_on.good)
-            held_out = outcomes((load_view(bin) for bin in check), estimator)
-        finally:
-            estimator.close()
-        predicted = confidence.probability(held_out.features)
+        check = [load_view(bin) for bin in yardstick_bins(self.check_bins)]
+        fit = [random_bin(k, self.parts, self.count) for k in range(self.bins)]
+        fitted_on: dict[str, Outcomes] = {}
+        held_out: dict[str, Outcomes] = {}
+        for name, hypotheses in (("five hypotheses", 5), ("one, flipped too", 1)):
+            estimator = RefinedEstimator(RetrievalEstimator(RetrievalConfig(hypotheses=hypotheses)))
+            try:
+                fitted_on[name] = outcomes(fit, estimator)
+                held_out[name] = outcomes(check, estimator)
+            finally:
+                estimator.close()
+        both = pooled(fitted_on.values())
+        confidence = fit_confidence(both.features, both.good)
+
+        def figures(own: Outcomes) -> dict[str, float]:
+            return {
+                "poses": len(own.good),
+                "good_share": round(float(own.good.mean()), 4),
+                "brier": round(brier_score(confidence.probability(own.features), own.good), 4),
+                "brier_of_plain_scores": round(brier_score(own.plain_scores, own.good), 4),
+            }
+
         provenance = {
-            "made_by": f"simpick refiner calibrate --bins {self.bins} --parts {self.parts} --count {self.count}",
+            "made_by": f"simpick refiner calibrate --bins {self.bins} --parts {self.parts} --count {self.count} "
+            f"--check-bins {self.check_bins}",
             "hypotheses_from": "retrieval",
-            "fitted_on": {
-                "poses": len(fitted_on.good),
-                "good_share": round(float(fitted_on.good.mean()), 4),
-                "brier": round(brier_score(confidence.probability(fitted_on.features), fitted_on.good), 4),
-            },
-            "checked_on": {
-                "yardstick_bins": self.check_bins,
-                "poses": len(held_out.good),
-                "good_share": round(float(held_out.good.mean()), 4),
-                "brier": round(brier_score(predicted, held_out.good), 4),
-            },
+            "fitted_on": {name: figures(own) for name, own in fitted_on.items()},
+            "checked_on_yardstick": {name: figures(own) for name, own in held_out.items()},
         }
         write_confidence(confidence, provenance, self.out / "confidence.json")
-        plot_reliability(predicted, held_out.good, self.out / "reliability.png")
-        console.print(provenance)
-        console.print(f"written to {self.out}", soft_wrap=True)
+        plot_reliability(held_out, confidence, self.out / "reliability.png")
+        Console().print(provenance)
+        Console().print(f"written to {self.out}", soft_wrap=True)
         return 0
 
 

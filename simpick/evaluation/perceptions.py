@@ -31,9 +31,7 @@ def _retrieval(hypotheses: int | None) -> PoseEstimator:
 
 
 def _retrieval_refined(hypotheses: int | None) -> PoseEstimator:
-    from simpick.estimators.refiner import RefinedEstimator
-
-    return RefinedEstimator(_retrieval(hypotheses), mode="retrieval_refined")
+    return _refine(_retrieval(hypotheses), "retrieval_refined")
 
 
 def _raypose(mode: Literal["coarse", "fine"], hypotheses: int | None) -> PoseEstimator:
@@ -43,9 +41,13 @@ def _raypose(mode: Literal["coarse", "fine"], hypotheses: int | None) -> PoseEst
 
 
 def _refined(hypotheses: int | None) -> PoseEstimator:
-    from simpick.estimators.refiner import RefinedEstimator
+    return _refine(_raypose("fine", hypotheses), "refined")
 
-    return RefinedEstimator(_raypose("fine", hypotheses), mode="refined")
+
+def _refine(base: PoseEstimator, mode: str) -> PoseEstimator:
+    from simpick.estimators.refiner import RefinedEstimator, read_confidence
+
+    return RefinedEstimator(base, mode=mode, confidence=read_confidence())
 
 
 SHIPPED: dict[str, Callable[[int | None], PoseEstimator]] = {

@@ -1,4 +1,4 @@
-"""Disturbed starts, and the plots."""
+"""Disturbed starts, and the plot."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from simpick.evaluation.refiner_basin import BasinPoint, perturbed, plot_basin
-from simpick.evaluation.refiner_calibration import brier_score, plot_reliability
 from simpick.geometry import rotation_angle, transform
 
 
@@ -19,13 +18,7 @@ def test_starts_are_off_by_the_angle_asked_for_and_by_no_more_depth():
     assert starts[:, 2, 3].std() > 0.02
 
 
-def test_plots_are_written(tmp_path):
+def test_the_plot_is_written(tmp_path):
     points = [BasinPoint(start, start / 10, 1.0, seen) for start in (5.0, 20.0) for seen in (0.3, 0.6, 1.0)]
     plot_basin(points, tmp_path / "new" / "basin.png")
-    plot_reliability(np.linspace(0, 1, 40), np.repeat([0.0, 1.0], 20), tmp_path / "reliability.png")
     assert (tmp_path / "new" / "basin.png").stat().st_size > 5000
-    assert (tmp_path / "reliability.png").stat().st_size > 5000
-
-
-def test_brier_score():
-    assert brier_score(np.array([1.0, 0.5]), np.array([1.0, 0.0])) == 0.125

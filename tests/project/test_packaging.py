@@ -44,6 +44,7 @@ def test_wheel_holds_all_sources_and_nothing_generic(wheel: Path) -> None:
             expected.add(name)
     assert not expected - set(names)
     assert sum(name.startswith("simpick/assets/grasps/") and name.endswith(".npz") for name in names) >= 56
+    assert "simpick/estimators/refiner/confidence.json" in names
 
 
 def test_every_module_imports_from_the_wheel(wheel: Path, tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import torch
 
 from simpick.assets.library import get_part
 from simpick.estimators.refiner.alignment import Target, align, moved, projection_jacobian
-from simpick.estimators.refiner.blurring import blur
+from simpick.estimators.refiner.blurring import blur, eroded
 from simpick.estimators.refiner.config import RefinerConfig
 from simpick.estimators.refiner.rendered_maps import rendered_maps
 from simpick.geometry import Pinhole, VirtualCameras, so3_exp, transform
@@ -42,7 +42,7 @@ def test_the_cost_falls_as_the_gradient_says(stride):
         seen = renderer.render(T_CROP_PART[None], CAMERAS.pinhole(0))
         assert seen.rgb is not None
         gray, mask = torch.from_numpy(seen.rgb).float().mean(-1) / 255, torch.from_numpy(seen.masks).float()
-        target = Target(gray / (gray * mask).sum() * mask.sum(), mask, torch.ones_like(mask), focal_px, 2.5, stride)
+        target = Target.of(gray / (gray * mask).sum() * mask.sum(), mask, torch.ones_like(mask), focal_px, 2.5, stride)
 
         def aligned(T):
             depth_m = torch.from_numpy(renderer.render(T[None], CAMERAS.pinhole(0), rgb=False).depth_m)
@@ -80,3 +80,20 @@ def test_a_coarse_blur_lies_amid_its_block():
     assert coarse.shape == (1, 16, 16)
     # A ramp stays a ramp; pixels 10 and 11 make block 5.
     assert float(coarse[0, 8, 5]) == pytest.approx(10.5, abs=1e-2)
+
+
+def test_blocks_and_gaussian_together_blur_as_the_gaussian_asked_for():
+    maps = torch.zeros(1, 48, 48)
+    maps[0, 20:30, 15:33] = 1.0
+    fine = blur(maps, 2.5)
+    blocks = fine.reshape(1, 24, 2, 24, 2)
+    # At the blocks' centres lies the mean of four pixels of the full blur, but for the curvature in between.
+    assert float((blur(maps, 2.5, 2) - blocks.mean(dim=(2, 4))).abs().max()) < 0.02
+
+
+def test_erosion_takes_the_least_of_nine_pixels():
+    maps = torch.ones(1, 6, 6)
+    maps[0, 2, 3] = 0.0
+    shrunk = torch.ones(1, 6, 6)
+    shrunk[0, 1:4, 2:5] = 0.0
+    assert torch.equal(eroded(maps), shrunk)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
@@ -47,3 +49,37 @@ def test_a_written_model_is_read_back(tmp_path):
     model = Confidence(-1.0, (2.0, 0.5, 0.1))
     write_confidence(model, {"made_by": "a test"}, tmp_path / "confidence.json")
     assert read_confidence(tmp_path / "confidence.json") == model
+
+
+def test_the_shipped_model_trusts_a_good_fit_more():
+    shipped = read_confidence()
+    clear = shipped.probability(confidence_features(hypotheses(0.9, 0.3), 5000))
+    doubtful = shipped.probability(confidence_features(hypotheses(0.3, 0.29), 100))
+    assert doubtful < 0.5 < clear
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (None, "there is no file of the refiner's confidence"),
+        ('{"bias": 1.0, "wei', "cannot be read"),
+        ("[1, 2]", "must hold weights of log_score, margin, log_visible_px"),
+        ('{"bias": 0, "weights": {"margin": 1}, "good": {"mm": 5.0, "deg": 10.0}}', "got weights {'margin': 1}"),
+    ],
+)
+def test_a_file_that_holds_no_confidence_is_refused_with_what_to_do(tmp_path, text, said):
+    file = tmp_path / "confidence.json"
+    if text is not None:
+        file.write_text(text)
+    with pytest.raises(ConfigError, match=said) as refusal:
+        read_confidence(file)
+    assert "simpick refiner calibrate" in str(refusal.value)
+
+
+@pytest.mark.parametrize(("key", "value"), [("bias", "0"), ("bias", float("nan")), ("good", {"mm": 2.0, "deg": 10.0})])
+def test_values_of_another_kind_are_refused(tmp_path, key, value):
+    file = tmp_path / "confidence.json"
+    write_confidence(Confidence(-1.0, (2.0, 0.5, 0.1)), {}, file)
+    file.write_text(json.dumps({**json.loads(file.read_text()), key: value}))
+    with pytest.raises(ConfigError, match=r"must be finite numbers, got|must hold weights of"):
+        read_confidence(file)

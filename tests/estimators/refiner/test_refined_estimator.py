@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from unittest.mock import Mock
+
 import numpy as np
 
+import simpick.estimators.refiner
 from simpick.assets.library import get_part
 from simpick.estimators import PoseEstimator
-from simpick.estimators.refiner import RefinedEstimator
+from simpick.estimators.refiner import RefinedEstimator, read_confidence
 from simpick.estimators.refiner.confidence import Confidence
-from simpick.records import PoseEstimate
+from simpick.estimators.refiner.flipped_starts import with_flips
+from simpick.evaluation.perceptions import make_estimator
+from simpick.records import PoseEstimate, PoseHypothesis
 from tests.estimators.refiner.scenes import T_TRUE, frame_of, start
 
 
@@ -53,3 +58,41 @@ def test_with_confidence_the_score_is_a_probability():
     even.close()
     assert estimate.score == 0.5
     assert estimate.hypotheses[0].score != 0.5
+
+
+class FlippedGuess(TwoGuesses):
+    """Answers with the true pose turned by half a turn about the box's axis."""
+
+    def estimate(self, frame, detections):
+        (flipped,) = (h for h in with_flips(PoseHypothesis(T_TRUE, 1.0), get_part("pillow_block"))[1:2])
+        return [PoseEstimate(d.part, flipped.T_camera_part, 0.9, "guess", 0.0, detection=d) for d in detections]
+
+
+def test_a_lone_guess_that_is_flipped_is_put_right():
+    part = get_part("pillow_block")
+    frame, detection = frame_of("pillow_block")
+    estimator = RefinedEstimator(FlippedGuess())
+    estimator.onboard(part)
+    (estimate,) = estimator.estimate(frame, [detection])
+    estimator.close()
+    R = estimate.T_camera_part[:3, :3]
+    assert np.degrees(part.symmetries.rotation_distance(R, T_TRUE[:3, :3])) < 2.0
+
+
+def test_flips_keep_the_box_in_place_and_leave_out_symmetric_ones():
+    lone = PoseHypothesis(T_TRUE, 0.7)
+    bracket = get_part("l_bracket")
+    starts = with_flips(lone, bracket)
+    assert len(starts) == 4
+    assert starts[0] is lone
+    centre = np.append(bracket.mesh.vertices.min(axis=0) + bracket.mesh.vertices.max(axis=0), 2.0) / 2
+    assert all(np.allclose(h.T_camera_part @ centre, T_TRUE @ centre) for h in starts)
+    # A bushing is the same after any half turn.
+    assert with_flips(lone, get_part("bushing")) == (lone,)
+
+
+def test_the_shipped_modes_say_probabilities(monkeypatch):
+    monkeypatch.setattr("simpick.estimators.refiner.RefinedEstimator", Mock())
+    make_estimator("retrieval_refined")
+    make = simpick.estimators.refiner.RefinedEstimator
+    assert make.call_args.kwargs == {"mode": "retrieval_refined", "confidence": read_confidence()}
