@@ -65,9 +65,7 @@ class RefinedEstimator:
         unanswered = [d for d in detections if not any(d is known for known in answered)]
         hypotheses = [self._starts(e) for e in estimates]
         refined = self.refiner.refine(frame, [*answered, *unanswered], [*hypotheses, *((),) * len(unanswered)])
-        scores = [
-            self._score(best_first, detection) for best_first, detection in zip(refined, answered, strict=False)
-        ]
+        scores = [self._score(best_first, detection) for best_first, detection in zip(refined, answered, strict=False)]
         elapsed_s = (time.perf_counter() - start) / len(estimates)
         return [
             dataclasses.replace(

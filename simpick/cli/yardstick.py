@@ -18,13 +18,16 @@ class Yardstick:
     """
 
     estimators: tyro.conf.Positional[tuple[str, ...]] = ("oracle",)
-    """Who estimates poses: oracle, retrieval, another that ships, or one that a package registers."""
+    """Who estimates poses: oracle, retrieval, another that ships, or one that a package registers; NAME@K asks it for K
+    hypotheses. Several are told apart in order, each from the one before."""
     noise: tuple[Literal["perfect", "realistic"], ...] = ("perfect", "realistic")
     """How well parts are segmented before their poses are estimated; each gets its own figures."""
     bins: int | None = None
     """Only the first so many bins: a quick look, not the yardstick's figures."""
     hypotheses: int | None = None
     """Ask for this many hypotheses instead of the estimator's own number; more take longer. The oracle has none."""
+    iterations: int | None = None
+    """Of coarse and fine: how often they take templates around their own estimate, instead of their own number."""
     workers: int = 1
     """Bins to work on at the same time, each in a process of its own; times of estimates suffer from it."""
     out: Path | None = None
@@ -42,6 +45,7 @@ class Yardstick:
         from simpick.errors import ConfigError
         from simpick.evaluation.pose_sources import make_source
         from simpick.evaluation.yardstick import yardstick_bins
+        from simpick.evaluation.yardstick_gains import gains, gains_table
         from simpick.evaluation.yardstick_report import (
             YardstickStore,
             best_of_table,
@@ -58,13 +62,18 @@ class Yardstick:
             raise ConfigError(f"workers must be 1 or more, got {self.workers}")
         # Before any bin is made or file is written, so that a wrong name costs nothing.
         for estimator in self.estimators:
-            make_source(estimator, get_part, self.hypotheses)
-        settings = {"workers": self.workers, "hypotheses_asked_for": self.hypotheses}
+            make_source(estimator, get_part, self.hypotheses, self.iterations)
+        settings = {
+            "workers": self.workers,
+            "hypotheses_asked_for": self.hypotheses,
+            "iterations_asked_for": self.iterations,
+        }
         store = None if self.out is None else YardstickStore(self.out, settings, overwrite=self.overwrite)
         console = Console()
         start = time.perf_counter()
         if made := make_views(bins, workers=self.workers, console=console):
             console.print(f"{made} bins made in {time.perf_counter() - start:.0f} s; they are kept for the next time")
+        results = []
         for estimator in self.estimators:
             start = time.perf_counter()
             result = run_yardstick(
@@ -72,6 +81,7 @@ class Yardstick:
                 noises=self.noise,
                 bins=self.bins,
                 hypotheses=self.hypotheses,
+                iterations=self.iterations,
                 workers=self.workers,
                 console=console,
             )
@@ -87,4 +97,7 @@ class Yardstick:
             if store is not None:
                 store.add(result)
                 console.print(f"figures: {store.file}")
+            results.append(result)
+        if (table := gains_table(gains(results))) is not None:
+            console.print(table)
         return 0

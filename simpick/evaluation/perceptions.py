@@ -34,10 +34,11 @@ def _retrieval_refined(hypotheses: int | None) -> PoseEstimator:
     return _refine(_retrieval(hypotheses), "retrieval_refined")
 
 
-def _raypose(mode: Literal["coarse", "fine"], hypotheses: int | None) -> PoseEstimator:
+def _raypose(mode: Literal["coarse", "fine"], hypotheses: int | None, iterations: int | None = None) -> PoseEstimator:
     from simpick.estimators.raypose import RayPoseEstimatorConfig, load_estimator
 
-    return load_estimator(mode, RayPoseEstimatorConfig(hypotheses=1 if hypotheses is None else hypotheses))
+    config = RayPoseEstimatorConfig(hypotheses=1 if hypotheses is None else hypotheses, iterations=iterations)
+    return load_estimator(mode, config)
 
 
 def _refined(hypotheses: int | None) -> PoseEstimator:
@@ -65,13 +66,19 @@ def estimator_names() -> list[str]:
     return ["oracle", *SHIPPED, *(e.name for e in entry_points(group=ENTRY_POINT_GROUP))]
 
 
-def make_estimator(name: str, hypotheses: int | None = None) -> PoseEstimator:
+def make_estimator(name: str, hypotheses: int | None = None, iterations: int | None = None) -> PoseEstimator:
     """Return a pose estimator that works from images alone, asked for this many hypotheses or for its own number.
+
+    `iterations`, of ``coarse`` and ``fine`` only, is how often they take templates around their own estimate.
 
     Raises:
         UnknownNameError: no estimator has this name; the message lists those that exist.
-        ConfigError: a number of hypotheses that the estimator does not take.
+        ConfigError: a number of hypotheses or iterations that the estimator does not take.
     """
+    if iterations is not None:
+        if name not in ("coarse", "fine"):
+            raise ConfigError(f"iterations are of coarse and fine; {name!r} has none. Leave them out")
+        return _raypose(name, hypotheses, iterations)
     if name in SHIPPED:
         return SHIPPED[name](hypotheses)
     for entry in entry_points(group=ENTRY_POINT_GROUP):

@@ -10,6 +10,7 @@ from simpick.assets.part import Part
 from simpick.errors import ConfigError
 from simpick.estimators.base import PoseEstimator
 from simpick.estimators.oracle import OracleEstimator
+from simpick.evaluation.modes import ORACLE, parse_mode
 from simpick.evaluation.perceptions import make_estimator
 from simpick.evaluation.pose_images import PoseImage
 from simpick.records import InstanceTruth, PoseEstimate
@@ -77,13 +78,19 @@ class FileSource:
         return self._estimates.get((image.scene_id, image.im_id), [])
 
 
-def make_source(name: str, part_of: Callable[[str], Part], hypotheses: int | None = None) -> PoseSource:
-    """Return the source behind an estimator's name; the oracle answers from the annotations.
+def make_source(
+    name: str, part_of: Callable[[str], Part], hypotheses: int | None = None, iterations: int | None = None
+) -> PoseSource:
+    """Return the source behind an estimator's name, or ``NAME@K``; the oracle answers from the annotations.
+
+    K is the number of hypotheses that it is asked for, instead of `hypotheses`.
 
     Raises:
         UnknownNameError: no estimator has this name.
-        ConfigError: a number of hypotheses that the estimator does not take; the oracle, which has one, ignores it.
+        ConfigError: it is neither NAME nor NAME@K, or a number of hypotheses or iterations that the estimator does not
+            take; the oracle ignores both.
     """
-    if name == "oracle":
+    mode = parse_mode(name)
+    if mode.name == ORACLE:
         return OracleSource()
-    return EstimatorSource(make_estimator(name, hypotheses), part_of)
+    return EstimatorSource(make_estimator(mode.name, mode.hypotheses or hypotheses, iterations), part_of)

@@ -154,6 +154,7 @@ def to_json(result: YardstickResult) -> dict[str, Any]:
                 "detections": evaluation.detections,
                 "ms_per_detection": evaluation.ms_per_detection,
                 "by_visibility": {band: dataclasses.asdict(s) for band, s in evaluation.by_visibility.items()},
+                "by_bin": [dataclasses.asdict(figures) for figures in result.by_bin[noise]],
                 "by_part": {
                     part: {"targets": r.targets, "ar": r.ar, "vsd": r.ar_vsd, "mssd": r.ar_mssd, "mspd": r.ar_mspd}
                     for part, r in evaluation.scores.by_part.items()

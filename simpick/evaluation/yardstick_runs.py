@@ -25,6 +25,7 @@ from simpick.evaluation.pose_evaluation import (
 )
 from simpick.evaluation.pose_images import PoseModel
 from simpick.evaluation.pose_sources import EstimatorSource, PoseSource, make_source
+from simpick.evaluation.scores import average_recalls
 from simpick.evaluation.summaries import PoseSummary
 from simpick.evaluation.worker_pool import spawned_pool
 from simpick.evaluation.yardstick import YardstickBin, fingerprint, load_view, view_path, yardstick_bins
@@ -51,6 +52,23 @@ class BinScore:
     """Time to onboard each part that this bin brought to this process."""
 
 
+@dataclass(frozen=True)
+class BinFigures:
+    """One bin's share of the figures; weighted by targets, their mean over bins is the figure over all."""
+
+    targets: int
+    ar: float
+    """Average recall, in [0, 1]; 0 for a bin without targets."""
+    below_5_deg: float
+    """Share of targets that are turned less."""
+
+    @staticmethod
+    def of(errors: ImageErrors) -> BinFigures:
+        """Return the figures of one bin's image."""
+        scores = average_recalls(errors.targets)
+        return BinFigures(scores.targets, scores.ar or 0.0, summarize_instances(errors.instances).recall_5_deg)
+
+
 @dataclass(frozen=True, eq=False)
 class YardstickResult:
     """What one estimator did on all bins."""
@@ -61,6 +79,8 @@ class YardstickResult:
     """Of all views."""
     evaluations: dict[str, PoseEvaluation]
     """By the preset of the detections."""
+    by_bin: dict[str, tuple[BinFigures, ...]]
+    """By the preset of the detections, in the order of `bins`: what differences between estimators are told from."""
     best_of: dict[tuple[str, int], PoseSummary]
     """By preset and number of hypotheses, up to what was offered; best is what is turned least against the truth."""
     hypotheses: int
@@ -126,6 +146,7 @@ def run_yardstick(
     noises: Sequence[str] = ("perfect", "realistic"),
     bins: int | None = None,
     hypotheses: int | None = None,
+    iterations: int | None = None,
     workers: int = 1,
     console: Console | None = None,
 ) -> YardstickResult:
@@ -134,19 +155,19 @@ def run_yardstick(
     Raises:
         UnknownNameError: no estimator or no preset of detections has this name.
         ConfigError: no preset is given, there are not so many bins, `workers` is not positive, or the estimator does
-            not take a number of hypotheses.
+            not take a number of hypotheses or iterations.
     """
     chosen = yardstick_bins(bins)
     if not noises:
         raise ConfigError("detections must be of one preset or more, such as perfect and realistic, got none")
     if workers < 1:
         raise ConfigError(f"workers must be 1 or more, got {workers}")
-    source = make_source(estimator, get_part, hypotheses)
+    source = make_source(estimator, get_part, hypotheses, iterations)
     if workers == 1:
         with BinScorer(source, noises) as scorer:
             scores = _progress(map(scorer.score, chosen), estimator, len(chosen), console)
     else:
-        job = partial(_score, estimator, tuple(noises), hypotheses)
+        job = partial(_score, estimator, tuple(noises), hypotheses, iterations)
         with _mapped(job, chosen, workers) as results:
             scores = _progress(results, estimator, len(chosen), console)
     return summarize_scores(estimator, chosen, noises, scores)
@@ -168,6 +189,7 @@ def summarize_scores(
         tuple(bins),
         hashlib.sha256(" ".join(score.fingerprint for score in scores).encode()).hexdigest()[:12],
         {noise: PoseEvaluation.of([score.errors[noise] for score in scores]) for noise in noises},
+        {noise: tuple(BinFigures.of(score.errors[noise]) for score in scores) for noise in noises},
         {choice: summarize_instances([i for score in scores for i in score.best_of[choice]]) for choice in told},
         hypotheses,
         dict(sorted(onboarding_s.items())),
@@ -178,14 +200,16 @@ def _make_view(bin: YardstickBin) -> None:
     load_view(bin)
 
 
-def _score(estimator: str, noises: tuple[str, ...], hypotheses: int | None, bin: YardstickBin) -> BinScore:
-    return _scorer(estimator, noises, hypotheses).score(bin)
+def _score(
+    estimator: str, noises: tuple[str, ...], hypotheses: int | None, iterations: int | None, bin: YardstickBin
+) -> BinScore:
+    return _scorer(estimator, noises, hypotheses, iterations).score(bin)
 
 
 @cache
-def _scorer(estimator: str, noises: tuple[str, ...], hypotheses: int | None) -> BinScorer:
+def _scorer(estimator: str, noises: tuple[str, ...], hypotheses: int | None, iterations: int | None) -> BinScorer:
     """Return a worker's scorer, which lives as long as the worker and keeps what was onboarded."""
-    return BinScorer(make_source(estimator, get_part, hypotheses), noises)
+    return BinScorer(make_source(estimator, get_part, hypotheses, iterations), noises)
 
 
 @contextmanager

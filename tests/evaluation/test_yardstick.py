@@ -15,8 +15,9 @@ from simpick.evaluation.bin_images import view_bin
 from simpick.evaluation.pose_images import PoseImage
 from simpick.evaluation.pose_sources import OracleSource
 from simpick.evaluation.yardstick import fingerprint, load_view, view_path, yardstick_bins
+from simpick.evaluation.yardstick_gains import gains
 from simpick.evaluation.yardstick_report import title, to_json
-from simpick.evaluation.yardstick_runs import BinScorer, run_yardstick, summarize_scores
+from simpick.evaluation.yardstick_runs import BinFigures, BinScorer, YardstickResult, run_yardstick, summarize_scores
 from simpick.geometry import so3_exp, transform
 from simpick.records import PoseEstimate, PoseHypothesis
 
@@ -101,6 +102,37 @@ def test_the_best_of_the_hypotheses_is_told_up_to_the_number_that_was_offered() 
     assert result.best_of["perfect", 5].median_translation_mm < 1e-3
 
 
+def result_of(estimator: str, *bins: tuple[int, float]) -> YardstickResult:
+    """Return a result of these bins' targets and AR."""
+    figures = tuple(BinFigures(targets, ar, 0.5 * ar) for targets, ar in bins)
+    return YardstickResult(estimator, (), "", {}, {"perfect": figures}, {}, 0, {})
+
+
+def test_a_gain_is_the_difference_of_the_whole_and_its_interval_is_over_bins() -> None:
+    before = result_of("a", (10, 0.5), (30, 0.7), (0, 0.0), (20, 0.6))
+    after = result_of("b", (10, 0.6), (30, 0.8), (0, 0.0), (20, 0.7))
+    (alike,) = gains([before, after])
+    assert (alike.estimator, alike.before, alike.noise) == ("b", "a", "perfect")
+    assert alike.differences["ar"].value == pytest.approx(0.1) and alike.differences["ar"].excludes_zero
+    assert alike.differences["ar"].low == pytest.approx(0.1) == alike.differences["ar"].high
+    (mixed,) = gains([before, result_of("c", (10, 0.9), (30, 0.7), (0, 0.0), (20, 0.5))])
+    assert mixed.differences["ar"].value == pytest.approx((10 * 0.4 - 20 * 0.1) / 60)
+    assert mixed.differences["ar"].low < 0 < mixed.differences["ar"].high
+    assert mixed.differences["below_5_deg"].value == pytest.approx(mixed.differences["ar"].value / 2)
+
+
+@pytest.mark.render
+def test_bins_weighted_by_targets_make_the_whole() -> None:
+    result = run_yardstick("oracle", noises=["realistic"], bins=2)
+    targets = np.array([figures.targets for figures in result.by_bin["realistic"]])
+    ar = np.array([figures.ar for figures in result.by_bin["realistic"]])
+    below = np.array([figures.below_5_deg for figures in result.by_bin["realistic"]])
+    whole = result.evaluations["realistic"]
+    assert (targets @ ar) / targets.sum() == pytest.approx(whole.scores.overall.ar)
+    assert (targets @ below) / targets.sum() == pytest.approx(whole.summary.recall_5_deg)
+    assert targets.sum() == whole.summary.count
+
+
 @pytest.mark.render
 def test_the_command_writes_the_figures_that_several_processes_find_too(tmp_path: Path, capsys) -> None:
     out = tmp_path / "out"
@@ -139,6 +171,9 @@ def test_figures_are_not_written_over_anything_by_accident(tmp_path: Path, capsy
         (("oracle", "--bins", "51"), "bins of the yardstick must be between 1 and 50, got 51"),
         (("oracle", "--workers", "0"), "workers must be 1 or more, got 0"),
         (("oracle", "--noise", "wild"), "wild"),
+        (("retrieval", "--iterations", "2"), "iterations are of coarse and fine; 'retrieval' has none"),
+        (("fine", "--iterations", "0"), "a fine network needs 1 iteration or more, got 0"),
+        (("retrieval@none",), "a mode must be written NAME or NAME@K with K hypotheses"),
     ],
 )
 def test_bad_input_is_refused_before_anything_is_made(arguments, text, tmp_path: Path, capsys) -> None:
