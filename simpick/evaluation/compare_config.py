@@ -18,7 +18,8 @@ class CompareConfig(CellConfig):
     modes: tyro.conf.Positional[tuple[str, ...]] = (ORACLE, ORACLE_NOISE, "retrieval")
     """Modes to compare, each held against the first and against the one before: oracle (true poses), oracle_noise (true
     poses, blurred), retrieval, retrieval_refined, coarse, fine, refined, or one that another package registers. NAME@K,
-    such as refined@8, asks an estimator for K hypotheses a part."""
+    such as refined@8, asks an estimator for K hypotheses a part; +closer behind a mode, such as retrieval+closer, adds
+    a second look through the wrist camera before each grasp."""
     episodes: int = 10
     """How many bins each mode picks."""
     noise_deg: float = 5.0
@@ -46,5 +47,11 @@ class CompareConfig(CellConfig):
     def _run_config(self, mode: Mode) -> RunConfig:
         cell = {field.name: getattr(self, field.name) for field in fields(CellConfig)}
         if mode.name == ORACLE_NOISE:
-            return RunConfig(**cell, perception=ORACLE, noise_deg=self.noise_deg, noise_mm=self.noise_mm)
-        return RunConfig(**cell, perception=mode.name, hypotheses=mode.hypotheses)
+            return RunConfig(
+                **cell,
+                perception=ORACLE,
+                noise_deg=self.noise_deg,
+                noise_mm=self.noise_mm,
+                look_closer=mode.look_closer,
+            )
+        return RunConfig(**cell, perception=mode.name, hypotheses=mode.hypotheses, look_closer=mode.look_closer)

@@ -37,7 +37,7 @@ _STYLE: dict[Any, Any] = {
 
 
 def mode_colours(modes: Sequence[str]) -> dict[str, str]:
-    """Return a colour for each mode; ``NAME@K`` gets a tint of the colour of ``NAME``."""
+    """Return a colour for each mode; ``NAME@K`` and ``NAME+closer`` get tints of the colour of ``NAME``."""
     hues: dict[str, str] = dict(ORACLE_COLOURS)
     colours: dict[str, str] = {}
     shades: Counter[str] = Counter()
@@ -122,7 +122,8 @@ def errors_plot(comparison: Comparison) -> str:
             for mode in comparison.modes:
                 errors = [abs(getattr(p.pose_error, key)) for r in paired[mode] for p in executed(r) if p.pose_error]
                 if errors:
-                    style = "--" if parse_mode(mode).hypotheses else "-"
+                    parsed = parse_mode(mode)
+                    style = ":" if parsed.look_closer else "--" if parsed.hypotheses else "-"
                     # Smaller errors are shown at a tenth: zero has no place on a logarithmic axis.
                     axis.ecdf(np.maximum(errors, 0.1), color=colours[mode], linewidth=2, linestyle=style)
             axis.set_xscale("log")

@@ -125,7 +125,7 @@ def _run_episode(
             recorder.grasp(decision.grasp.T_world_tcp)
         observation, _, _, _, info = env.step(action)
         ended = info["ended"]
-        pick = complete_record(info["pick"], decision, truth, frame.T_world_camera, env)
+        pick = complete_record(info["pick"], policy, truth, frame.T_world_camera, env)
         waited_s = {"render": render_s, **decision.percept.timings_s, "plan": decision.plan_s}
         pick = dataclasses.replace(
             pick, timings_s={**waited_s, "look": env.timings_s["look"], "simulate": env.timings_s["simulate"]}
@@ -155,22 +155,27 @@ def _look(policy: PickPolicy, recorder: Recorder, frame: CameraFrame, T_world_tc
 
 def complete_record(
     pick: PickRecord,
-    decision: Decision,
+    policy: PickPolicy,
     truth: tuple[InstanceTruth, ...],
     T_world_camera: np.ndarray,
     env: BinPickEnv,
 ) -> PickRecord:
-    """Return the environment's record with what only the policy knows: target, pose error, why it abstained."""
+    """Return the environment's record with what only the policy knows: target, pose error, why it abstained.
+
+    The error is that of the pose that was picked by: the one from the wrist, where a closer look found the part.
+    """
+    decision, T_world_target = policy.decision, policy.T_world_target
     if decision.abstained is not None:
         return dataclasses.replace(pick, outcome=decision.abstained, cause=_abstention(decision))
     target = decision.target
-    assert target is not None and target.detection is not None
+    assert target is not None and target.detection is not None and T_world_target is not None
     instance = target.detection.instance
     true_pose = next((t.T_world_part for t in truth if t.instance == instance), None)
     error = None
     if true_pose is not None:
         part = next(p for p in env.parts if p.name == target.part)
-        error = pose_error(target.T_camera_part, invert(T_world_camera) @ true_pose, _evaluation_model(part))
+        T_camera_world = invert(T_world_camera)
+        error = pose_error(T_camera_world @ T_world_target, T_camera_world @ true_pose, _evaluation_model(part))
     return dataclasses.replace(pick, target_part=target.part, target_instance=instance, pose_error=error)
 
 

@@ -1,4 +1,4 @@
-"""Perception modes as a comparison names them: ``retrieval``, ``retrieval@8``, ``oracle_noise``."""
+"""Perception modes as a comparison names them: ``retrieval``, ``retrieval@8``, ``fine+closer``, ``oracle_noise``."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from difflib import get_close_matches
 from simpick.errors import ConfigError, SimpickError
 
 ORACLE, ORACLE_NOISE = "oracle", "oracle_noise"
+CLOSER = "+closer"
+"""Behind a mode's name: with a second look through the wrist camera."""
 
 
 @dataclass(frozen=True)
@@ -20,9 +22,12 @@ class Mode:
     """The estimator's name, or ``oracle_noise`` for the oracle with noise."""
     hypotheses: int | None = None
     """How many hypotheses it is asked for; None for its own number."""
+    look_closer: bool = False
+    """Whether the wrist camera looks again before the gripper descends."""
 
     def __str__(self) -> str:
-        return self.name if self.hypotheses is None else f"{self.name}@{self.hypotheses}"
+        name = self.name if self.hypotheses is None else f"{self.name}@{self.hypotheses}"
+        return name + CLOSER if self.look_closer else name
 
     @property
     def knows_truth(self) -> bool:
@@ -31,17 +36,18 @@ class Mode:
 
 
 def parse_mode(text: str) -> Mode:
-    """Return the mode that is written ``NAME`` or ``NAME@K``.
+    """Return the mode that is written ``NAME`` or ``NAME@K``, with ``+closer`` behind it or not.
 
     Raises:
         ConfigError: it is not written so, or the oracle is asked for hypotheses.
     """
-    match = re.fullmatch(r"([^@\s]+)(?:@([1-9][0-9]*))?", text)
+    match = re.fullmatch(r"([^@+\s]+)(?:@([1-9][0-9]*))?(\+closer)?", text)
     if match is None:
         raise ConfigError(
-            f"a mode must be written NAME or NAME@K with K hypotheses, 1 or more, such as retrieval@8; got {text!r}"
+            "a mode must be written NAME or NAME@K with K hypotheses, 1 or more, such as retrieval@8, and may end in "
+            f"+closer; got {text!r}"
         )
-    mode = Mode(match[1], None if match[2] is None else int(match[2]))
+    mode = Mode(match[1], None if match[2] is None else int(match[2]), match[3] is not None)
     if mode.knows_truth and mode.hypotheses is not None:
         raise ConfigError(f"{mode.name} knows one pose and makes no hypotheses, got {text!r}; leave out @{match[2]}")
     return mode

@@ -10,7 +10,7 @@ from simpick.assets.part import Part
 from simpick.errors import ConfigError
 from simpick.estimators.base import PoseEstimator
 from simpick.estimators.oracle import OracleEstimator
-from simpick.evaluation.modes import ORACLE, parse_mode
+from simpick.evaluation.modes import CLOSER, ORACLE, parse_mode
 from simpick.evaluation.perceptions import make_estimator
 from simpick.evaluation.pose_images import PoseImage
 from simpick.records import InstanceTruth, PoseEstimate
@@ -91,6 +91,8 @@ def make_source(
             take; the oracle ignores both.
     """
     mode = parse_mode(name)
+    if mode.look_closer:
+        raise ConfigError(f"a closer look needs an arm that picks; leave out {CLOSER} of {name!r}")
     if mode.name == ORACLE:
         return OracleSource()
     return EstimatorSource(make_estimator(mode.name, mode.hypotheses or hypotheses, iterations), part_of)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from simpick.errors import ConfigError
+from simpick.evaluation.modes import ORACLE_NOISE, Mode
 
 SHORTEST_MM, LONGEST_MM = 50.0, 1000.0
 """Bounds of a bin's sides, those of `BinConfig` in the unit of this configuration."""
@@ -88,6 +89,6 @@ class RunConfig(CellConfig):
 
     @property
     def mode(self) -> str:
-        """Return the perception mode's full name: ``oracle``, ``oracle_noise``, ``retrieval``, ``retrieval@8``."""
-        name = "oracle_noise" if self.noise_deg or self.noise_mm else self.perception
-        return name if self.hypotheses is None else f"{name}@{self.hypotheses}"
+        """Return the perception mode's full name: ``oracle_noise``, ``retrieval``, ``retrieval@8``, ``fine+closer``."""
+        name = ORACLE_NOISE if self.noise_deg or self.noise_mm else self.perception
+        return str(Mode(name, self.hypotheses, self.look_closer))

@@ -73,6 +73,7 @@ class PickPolicy:
         self._closer = None if look_closer is None else CloserLook(look_closer, perception.detector, parts)
         self._decision: Decision | None = None
         self.closer_view: PoseEstimate | None = None
+        self._T_world_closer: Float[np.ndarray, "4 4"] | None = None
         """What the last `look` saw, in the wrist camera; None if it found nothing."""
         perception.onboard(parts)
 
@@ -99,6 +100,7 @@ class PickPolicy:
     def decide(self, observation: dict[str, Any], percept: Percept) -> np.ndarray:
         """Return the action for an observation whose percept is known: what `act` does after looking."""
         self._learn(outcome_from_index(int(observation["last_outcome"])))
+        self.closer_view = self._T_world_closer = None
         start = time.perf_counter()
         T_world_camera = observation["T_world_camera"]
         grasp = self._chooser.choose(percept.estimates, T_world_camera, self._memory)
@@ -120,7 +122,7 @@ class PickPolicy:
         """
         if self._closer is None:
             raise ConfigError("look needs a policy with a refiner: PickPolicy(..., look_closer=refiner)")
-        self.closer_view = None
+        self.closer_view = self._T_world_closer = None
         target = self.decision.target
         if target is None:
             return None
@@ -128,8 +130,16 @@ class PickPolicy:
         self.closer_view = self._closer.refined(frame, target.part, T_world_part)
         if self.closer_view is None:
             return None
-        T_world_refined = frame.T_world_camera @ self.closer_view.T_camera_part
-        return T_world_refined @ invert(T_world_part) @ T_world_tcp
+        self._T_world_closer = frame.T_world_camera @ self.closer_view.T_camera_part
+        return self._T_world_closer @ invert(T_world_part) @ T_world_tcp
+
+    @property
+    def T_world_target(self) -> Float[np.ndarray, "4 4"] | None:
+        """Return where the last decision's target was seen last: closely, if it was found again, else from above."""
+        if self._T_world_closer is not None:
+            return self._T_world_closer
+        target = self.decision.target
+        return None if target is None else self.decision.T_world_camera @ target.T_camera_part
 
     def _learn(self, outcome: PickOutcome | None) -> None:
         """Remember the last attempt if it failed."""

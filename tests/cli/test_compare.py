@@ -106,7 +106,8 @@ def test_wrong_modes_are_told_all_at_once(tmp_path: Path, capsys, monkeypatch: p
         "no mode named 'telepathy'. Valid: bare, coarse, fine, oracle, oracle_noise, refined, retrieval",
         "'oracle' is named twice",
         "Did you mean 'retrieval'?",
-        "a mode must be written NAME or NAME@K with K hypotheses, 1 or more, such as retrieval@8; got 'retrieval@0'",
+        "a mode must be written NAME or NAME@K with K hypotheses, 1 or more, such as retrieval@8, and may end in "
+        "+closer; got 'retrieval@0'",
         "oracle knows one pose and makes no hypotheses, got 'oracle@4'; leave out @4",
         "the weights of 'bare' are missing: train them with simpick train",
     ):

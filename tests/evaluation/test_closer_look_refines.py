@@ -34,4 +34,5 @@ def test_a_retrieved_pose_is_nearer_to_the_truth_after_the_closer_look(monkeypat
     before, after = distances_mm[0]
     # Retrieval's depth is off by centimetres here; the refiner sees it to a few millimetres.
     assert before > 5 and after < 0.5 * before
-    assert result.delivered == 1
+    assert result.delivered == 1 and result.picks[0].pose_error is not None
+    assert result.picks[0].pose_error.translation_mm == pytest.approx(after, abs=1e-6)
