@@ -21,6 +21,7 @@ from simpick.estimators.raypose.strict_weights import check_weights
 FORMAT = "simpick-raypose"
 VERSION = "1"
 """Raised when the same weights would mean something else."""
+SHIPPED_WEIGHTS = "raypose.safetensors"
 _FROZEN = "image_encoder.vit."
 
 
@@ -87,17 +88,17 @@ def load_checkpoint(path: Path, *, dino_weights: Path | None = None) -> Checkpoi
     return Checkpoint(model.eval(), card)
 
 
-def shipped_checkpoint(mode: str) -> Path:
-    """Return the file of the weights that come with simpick for ``coarse`` or ``fine``.
+def shipped_checkpoint() -> Path:
+    """Return the file of the weights that come with simpick, which serve ``coarse`` and ``fine``.
 
     Raises:
         CheckpointError: this installation has none.
     """
-    path = Path(str(files("simpick.assets.weights").joinpath(f"raypose_{mode}.safetensors")))
+    path = Path(str(files("simpick.assets.weights").joinpath(SHIPPED_WEIGHTS)))
     if not path.exists():
         raise CheckpointError(
-            f"this installation has no weights for {mode!r} ({path.name} is missing); train some with: "
-            f"simpick train {mode}, and pass them as weights"
+            f"this installation has no weights ({path.name} is missing); train some with: simpick train fine, and pass "
+            "them as weights"
         )
     return path
 

@@ -80,18 +80,16 @@ class RayPoseEstimator:
         start: PoseEstimator | None = None,
         mode: str | None = None,
     ) -> None:
-        """Take a network, and for a fine one the estimator that gives its first estimates.
+        """Take a network, and to be fine the estimator that gives its first estimates; without one it is coarse.
+
+        Any network can be coarse, also one that was trained with templates around a pose.
 
         Raises:
-            ConfigError: a fine network has no start, or a coarse one has.
+            ConfigError: a fine estimator is to make no iterations.
         """
         self.config = config or RayPoseEstimatorConfig()
         self.model, self.start = model.eval(), start
-        if model.config.is_fine and start is None:
-            raise ConfigError(
-                "a fine network refines: give it an estimator to start from, such as RetrievalEstimator()"
-            )
-        self.mode = mode or ("fine" if model.config.is_fine else "coarse")
+        self.mode = mode or ("coarse" if start is None else "fine")
         asked = self.config.iterations
         self._iterations = (_COARSE_ITERATIONS if start is None else _FINE_ITERATIONS) if asked is None else asked
         if start is not None and self._iterations < 1:
@@ -246,18 +244,18 @@ def load_estimator(
     weights: Path | None = None,
     start: PoseEstimator | None = None,
 ) -> RayPoseEstimator:
-    """Return the estimator of a mode, with its shipped weights or with those of a file.
+    """Return the estimator of a mode, with the shipped weights or with those of a file.
 
-    `fine` starts from `start`, or from retrieval: see the weights' card for why.
+    `fine` starts from `start`, or from retrieval: see the weights' card for why. `coarse` takes the weights of either.
 
     Raises:
-        CheckpointError: there are no such weights, or they are not of this mode.
+        CheckpointError: there are no such weights, or fine ones are wanted and they are not.
     """
-    path = weights or shipped_checkpoint(mode)
+    path = weights or shipped_checkpoint()
     model = load_checkpoint(path).model
-    if model.config.is_fine != (mode == "fine"):
+    if mode == "fine" and not model.config.is_fine:
         raise CheckpointError(
-            f"{path} must hold a {mode} network, got one with templates within {model.config.spread_deg:g} degrees"
+            f"{path} must hold a fine network, got one with templates within {model.config.spread_deg:g} degrees"
         )
     config = config or RayPoseEstimatorConfig()
     if mode == "fine" and start is None:

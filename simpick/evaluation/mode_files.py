@@ -19,9 +19,9 @@ FILES_OF_PERCEPTION: dict[str, Callable[[], Sequence[Path]]] = {
     "oracle": lambda: (),
     "retrieval": lambda: (),
     "retrieval_refined": lambda: (CONFIDENCE_FILE,),
-    "coarse": lambda: (shipped_checkpoint("coarse"),),
-    "fine": lambda: (shipped_checkpoint("fine"),),
-    "refined": lambda: (shipped_checkpoint("fine"), CONFIDENCE_FILE),
+    "coarse": lambda: (shipped_checkpoint(),),
+    "fine": lambda: (shipped_checkpoint(),),
+    "refined": lambda: (shipped_checkpoint(), CONFIDENCE_FILE),
 }
 """By the name of a perception that comes with simpick. Add to a line what its estimator reads, and nothing else."""
 
@@ -32,7 +32,7 @@ def mode_data(config: RunConfig) -> dict[str, str]:
     For a perception of another package, whose files nobody here knows, it is that package's version.
 
     Raises:
-        CheckpointError: this installation has no weights for the mode.
+        CheckpointError: this installation has no weights, and the mode needs them.
     """
     if config.perception in FILES_OF_PERCEPTION:
         found = [file for file in FILES_OF_PERCEPTION[config.perception]() if file.is_file()]

@@ -21,9 +21,8 @@ def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder of stand-ins for the files that ship."""
     folder = tmp_path / "shipped"
     folder.mkdir()
-    for name in ("coarse", "fine"):
-        (folder / f"raypose_{name}.safetensors").write_bytes(name.encode())
-    monkeypatch.setattr(mode_files, "shipped_checkpoint", lambda mode: folder / f"raypose_{mode}.safetensors")
+    (folder / "raypose.safetensors").write_bytes(b"trained")
+    monkeypatch.setattr(mode_files, "shipped_checkpoint", lambda: folder / "raypose.safetensors")
     monkeypatch.setattr(mode_files, "CONFIDENCE_FILE", folder / "confidence.json")
     return folder
 
@@ -38,24 +37,24 @@ def test_every_shipped_perception_names_its_files() -> None:
 
 
 def test_weights_that_ship_are_among_them() -> None:
-    assert mode_files.mode_data(RunConfig(perception="fine")).keys() == {"raypose_fine.safetensors"}
+    assert mode_files.mode_data(RunConfig(perception="fine")).keys() == {"raypose.safetensors"}
     assert mode_files.mode_data(RunConfig()) == {}
 
 
 def test_other_weights_are_refused_and_results_stay(shipped: Path, tmp_path: Path) -> None:
     folder = tmp_path / "out"
     result = EpisodeResult(0, 0, (), (), "cleared", mode="fine")
-    ResultStore(folder, identity("coarse", "fine")).add(result)
+    ResultStore(folder, identity("retrieval", "fine")).add(result)
     before = {file.name: file.read_bytes() for file in folder.iterdir()}
-    assert ResultStore(folder, identity("coarse", "fine")).results == (result,)
-    (shipped / "raypose_fine.safetensors").write_bytes(b"trained longer")
+    assert ResultStore(folder, identity("retrieval", "fine")).results == (result,)
+    (shipped / "raypose.safetensors").write_bytes(b"trained longer")
     with pytest.raises(
         OutputError,
-        match=r"weights or data of mode fine, raypose_fine\.safetensors \('\w{16}' there, '\w{16}' now\)\. They are "
+        match=r"weights or data of mode fine, raypose\.safetensors \('\w{16}' there, '\w{16}' now\)\. They are "
         r"left as they are\. Choose another folder with --out, or --overwrite",
     ) as refusal:
-        ResultStore(folder, identity("coarse", "fine"))
-    assert "coarse" not in str(refusal.value)
+        ResultStore(folder, identity("retrieval", "fine"))
+    assert "retrieval" not in str(refusal.value)
     assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
 
 

@@ -10,6 +10,7 @@ from safetensors import safe_open
 from safetensors.torch import save_file
 
 from simpick.errors import CheckpointError
+from simpick.estimators.raypose import checkpoints
 from simpick.estimators.raypose.checkpoints import load_checkpoint, save_checkpoint, shipped_checkpoint
 from tests.estimators.raypose.networks import TINY, awake, condition, noisy_maps, random_query, random_templates
 
@@ -151,8 +152,9 @@ def test_weights_that_are_no_numbers(saved: Path, value: float) -> None:
     assert error_of(saved) == f"the weights in {saved} must be finite numbers; take the file anew"
 
 
-def test_modes_without_shipped_weights_say_how_to_train_them() -> None:
+def test_an_installation_without_weights_says_how_to_train_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(checkpoints, "SHIPPED_WEIGHTS", "absent.safetensors")
     with pytest.raises(
-        CheckpointError, match=r"no weights for 'guess' \(raypose_guess.safetensors is missing\); train s"
+        CheckpointError, match=r"has no weights \(absent.safetensors is missing\); train some with: simp"
     ):
-        shipped_checkpoint("guess")
+        shipped_checkpoint()

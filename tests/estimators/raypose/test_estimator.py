@@ -162,9 +162,9 @@ def test_an_image_of_floats_is_refused(coarse, crank):
         coarse.estimate(frame, [detection])
 
 
-def test_a_fine_network_needs_a_start():
-    with pytest.raises(ConfigError, match="give it an estimator to start from"):
-        RayPoseEstimator(tiny())
+def test_a_network_is_coarse_without_a_start_and_fine_with_one():
+    assert RayPoseEstimator(tiny()).mode == RayPoseEstimator(tiny(COARSE)).mode == "coarse"
+    assert RayPoseEstimator(tiny(), start=Start([])).mode == "fine"
 
 
 def test_weights_of_the_other_mode_are_refused(tmp_path):
