@@ -118,6 +118,15 @@ def test_a_diverged_scene_says_so(scene, value):
         scene.step()
 
 
+def test_a_part_may_spin_as_fast_as_the_jaw_throws_it_but_not_faster(scene):
+    spin = scene.instances[0].dof_adr + 5
+    scene.data.qvel[spin] = 400.0
+    scene.check_finite()
+    scene.data.qvel[spin] = 4000.0
+    with pytest.raises(SimulationFaultError, match="largest joint speed 4e"):
+        scene.check_finite()
+
+
 def test_a_saved_scene_continues_bit_for_bit(scene, tmp_path):
     scene.remove(2)
     T_world_part = scene.T_world_part(1)
