@@ -1,4 +1,4 @@
-"""How forgiving grasping is: the share of grasps that delivered a part, by the error of the pose they were planned on.
+"""How forgiving grasping is: the share of grasps that delivered a part, by the error of the pose they were made by.
 
 A mode whose grasps fail with good poses fails by something else than its poses.
 """
