@@ -72,6 +72,12 @@ def _load(path: Path) -> trimesh.Trimesh:
     try:
         # Which errors a broken file raises depends on its format and on trimesh; all of them mean the same here.
         loaded = trimesh.load_scene(path, process=False).to_mesh()
+    except ModuleNotFoundError as error:
+        # trimesh takes what does not begin as a binary file for text in a foreign encoding.
+        raise MeshError(
+            f"{path.name}: cannot be read as {path.suffix.lower()}: it is neither a whole binary file nor plain text, "
+            "so truncated or damaged. Export it again from CAD."
+        ) from error
     except Exception as error:
         raise MeshError(
             f"{path.name}: cannot be read as {path.suffix.lower()} ({type(error).__name__}: {error}). "

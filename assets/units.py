@@ -37,7 +37,7 @@ def choose_unit(longest_side: float, unit: str = "auto", *, file: str = "the fil
     if unit != "auto":
         scale = METRES_PER_UNIT[unit]
         if not SMALLEST_M <= longest_side * scale <= LARGEST_M:
-            raise MeshError(_size_text(longest_side, f"in {unit}, as asked for", file))
+            raise MeshError(_size_text(longest_side, f"is not in {unit}, as asked for", file))
         return UnitChoice(unit, scale, f"{file}: read in {unit}, as asked for ({_mm(longest_side * scale)} long)")
     for candidate, other in (("mm", "m"), ("m", "mm")):
         scale = METRES_PER_UNIT[candidate]
@@ -48,15 +48,21 @@ def choose_unit(longest_side: float, unit: str = "auto", *, file: str = "the fil
                 f"(in {other} it would be {unlikely}); pass a unit to override"
             )
             return UnitChoice(candidate, scale, note)
-    raise MeshError(_size_text(longest_side, "neither in mm nor in m", file))
+    raise MeshError(_size_text(longest_side, "is so neither in mm nor in m", file))
 
 
 def _size_text(longest_side: float, which: str, file: str) -> str:
     sizes = ", ".join(f"{_mm(longest_side * scale)} in {name}" for name, scale in METRES_PER_UNIT.items())
+    fitting = [n for n, scale in METRES_PER_UNIT.items() if SMALLEST_M <= longest_side * scale <= LARGEST_M]
+    remedy = (
+        f"If it is in {' or '.join(fitting)}, pass that unit; on the command line: "
+        f"simpick parts add FILE --unit {fitting[0]}"
+        if fitting
+        else "No unit fits (mm, cm, m, inch): scale the model"
+    )
     return (
-        f"{file}: the longest side must be between {_mm(SMALLEST_M)} and {_mm(LARGEST_M)}, {which} it is not: "
-        f"it would be {sizes}. Pass the unit that fits (mm, cm, m, inch), or scale the model. "
-        "On the command line: simpick parts add FILE --unit cm"
+        f"{file}: the longest side must be between {_mm(SMALLEST_M)} and {_mm(LARGEST_M)}, and {which}: it would be "
+        f"{sizes}. {remedy}"
     )
 
 

@@ -18,8 +18,11 @@ class Interval:
 
     @property
     def excludes_zero(self) -> bool:
-        """Return whether zero lies outside; for differences, whether the two are told apart."""
-        return self.low > 0 or self.high < 0
+        """Return whether zero lies outside; for differences, whether the two are told apart.
+
+        An interval of no width tells nothing: there was one bin, or all were alike.
+        """
+        return not self.has_no_width and (self.low > 0 or self.high < 0)
 
     @property
     def has_no_width(self) -> bool:

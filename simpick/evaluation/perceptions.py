@@ -88,6 +88,9 @@ def make_estimator(name: str, hypotheses: int | None = None, iterations: int | N
                     f"{name!r} comes from another package and decides itself how many hypotheses it makes"
                 )
             return entry.load()()
+    base = name.removesuffix("+closer").partition("@")[0]
+    if base != name and base in estimator_names():
+        raise ConfigError(f"{name!r} is how a comparison writes it; here write {base}, --hypotheses K, --look-closer")
     raise UnknownNameError(
         "perception", name, estimator_names(), f"Other packages add theirs as entry points of {ENTRY_POINT_GROUP!r}."
     )

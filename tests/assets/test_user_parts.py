@@ -81,10 +81,11 @@ def test_unit_can_be_overridden(tmp_path):
 @pytest.mark.parametrize(
     ("longest", "unit", "text"),
     [
-        (1.5, "auto", "must be between 5 mm and 300 mm, neither in mm nor in m it is not: it would be 1.5 mm in mm, "
-                      "15 mm in cm, 1500 mm in m, 38.1 mm in inch. Pass the unit that fits (mm, cm, m, inch)"),
+        (1.5, "auto", "must be between 5 mm and 300 mm, and is so neither in mm nor in m: it would be 1.5 mm in mm, "
+                      "15 mm in cm, 1500 mm in m, 38.1 mm in inch. If it is in cm or inch, pass that unit"),
+        (400.0, "auto", "No unit fits (mm, cm, m, inch): scale the model"),
         (2000.0, "auto", "2000 mm in mm"),
-        (60.0, "m", "in m, as asked for it is not"),
+        (60.0, "m", "and is not in m, as asked for"),
     ],
 )  # fmt: skip
 def test_unlikely_size_is_an_error(longest, unit, text):
@@ -236,6 +237,17 @@ def test_replacing_a_part_takes_effect_at_once(tmp_path):
 
 def test_a_path_named_like_a_library_part_does_not_hide_it(tmp_path):
     assert get_part(str(box_file(tmp_path, [60, 20, 10], "hex_nut.stl"))).name == "hex_nut_cad"
+
+
+def test_a_file_that_is_neither_binary_nor_text_is_called_damaged(tmp_path, monkeypatch):
+    def guess_the_encoding(*_, **__):
+        raise ModuleNotFoundError("No module named 'charset_normalizer'")
+
+    monkeypatch.setattr(trimesh, "load_scene", guess_the_encoding)
+    (tmp_path / "cut.stl").write_bytes(b"\x80\xff" * 50)
+    text = cad_error(tmp_path / "cut.stl")
+    assert "cut.stl: cannot be read as .stl: it is neither a whole binary file nor plain text, so truncated" in text
+    assert "charset" not in text
 
 
 def test_damaged_entry_says_how_to_mend_it(tmp_path):
