@@ -27,7 +27,7 @@ class Interval:
     @property
     def has_no_width(self) -> bool:
         """Return whether both bounds are one: the bins did not differ, so that resampling them tells nothing."""
-        return self.low == self.high
+        return self.high - self.low <= 1e-9 * max(1.0, abs(self.value))
 
 
 def wilson_interval(share: float, count: int, z: float = 1.96) -> tuple[float, float]:

@@ -63,7 +63,7 @@ class TrainingBatch:
 
 def make_batch(
     shards: Sequence[Shard],
-    queries: Sequence[Int[np.ndarray, "n"]],
+    queries: Sequence[Int[np.ndarray, "_"]],
     config: RayPoseConfig,
     rng: np.random.Generator,
     *,
