@@ -179,8 +179,8 @@ class RayPoseEstimator:
             keep = min(turns, max(self.config.tried, self.config.hypotheses))
             best = agreed.reshape(len(rows), turns).topk(keep, dim=1).indices.numpy()
             turned = (np.array(rows)[:, None] * turns + best).ravel()
-        views, scores = self._sample(queries, turned, _for_all(sphere, len(turned)))
-        first = _Guesses(turned // turns, crops.poses_in_camera(turned, combine_views(views)), scores)
+        pose, scores = self._sample(queries, turned, _for_all(sphere, len(turned)))
+        first = _Guesses(turned // turns, crops.poses_in_camera(turned, pose), scores)
         return self._followed(part, crops, queries, turned, first)
 
     def _followed(
@@ -194,24 +194,24 @@ class RayPoseEstimator:
         Ts_camera_part, scores = guesses.Ts_camera_part, guesses.scores
         for _ in range(self._iterations):
             templates = bank.around(crops.poses_in_crops(crop, Ts_camera_part))
-            views, scores = self._sample(queries, crop, templates)
-            Ts_camera_part = crops.poses_in_camera(crop, combine_views(views))
+            pose, scores = self._sample(queries, crop, templates)
+            Ts_camera_part = crops.poses_in_camera(crop, pose)
         return _Guesses(guesses.rows, Ts_camera_part, scores)
 
     def _sample(
         self, queries: QueryTokens, rows: np.ndarray, templates: TemplateTokens
     ) -> tuple[ViewPoses, Float[np.ndarray, "n"]]:
-        """Return every template's answer for these queries, and the score of their mean, in [0, 1]."""
+        """Return the templates' common answer for these queries, and its score, in [0, 1]."""
         own = _some(queries, rows)
         conditioning = self.model.condition(own, templates)
         generator = torch.Generator().manual_seed(self.config.seed)
         views = sample_views(self.model, conditioning, self._schedule, self.config.steps, generator)
+        pose = combine_views(views)
         if conditioning.matches is None or not self.model.config.multiview:
             # Without matches, templates' agreement is all there is to go by.
-            return views, agreement(views).numpy()
-        pose = combine_views(views)
+            return pose, agreement(views).numpy()
         single = ViewPoses(pose.R[:, None], pose.centre[:, None], pose.reach_m[:, None])
-        return views, self.model.support(own, conditioning.matches, single, templates.diameter_m)[:, 0].numpy()
+        return pose, self.model.support(own, conditioning.matches, single, templates.diameter_m)[:, 0].numpy()
 
     def _ranked(self, part: str, guesses: _Guesses, row: int) -> list[PoseHypothesis]:
         """Return one detection's guesses without near-identical ones, best first."""

@@ -5,15 +5,12 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Sequence
 from importlib.metadata import entry_points
-from importlib.resources import files
 from pathlib import Path
 
 from simpick.estimators.raypose.checkpoints import shipped_checkpoint
+from simpick.estimators.refiner.confidence import SHIPPED_FILE as CONFIDENCE_FILE
 from simpick.evaluation.perceptions import ENTRY_POINT_GROUP
 from simpick.evaluation.run_config import RunConfig
-
-CONFIDENCE_FILE = Path(str(files("simpick.estimators.refiner").joinpath("confidence.json")))
-"""What ``simpick refiner calibrate`` fitted; without it the refiner's own scores rank its poses."""
 
 FILES_OF_PERCEPTION: dict[str, Callable[[], Sequence[Path]]] = {
     "oracle": lambda: (),
