@@ -19,7 +19,7 @@ from simpick.estimators.raypose.model import RayPose
 from simpick.estimators.raypose.strict_weights import check_weights
 
 FORMAT = "simpick-raypose"
-VERSION = "1"
+VERSION = "2"
 """Raised when the same weights would mean something else."""
 SHIPPED_WEIGHTS = "raypose.safetensors"
 _FROZEN = "image_encoder.vit."

@@ -46,6 +46,13 @@ class RayPoseConfig:
     matching: bool = True
     """Give the decoder, for each query cell, the template geometry that its descriptor matches. Not in the paper: what
     makes the network learn from few samples."""
+    flow: bool = True
+    """Correct the matched pose by the flow between the nearest templates and the query, on cells half as wide (see
+    `flow.py`). Not in the paper either; needs `matching` and simpick's own image encoder."""
+    flow_width: int = 32
+    """Channels of the descriptors of these cells."""
+    flow_radius: int = 2
+    """How many such cells from where a template's cell should appear it is looked for."""
     relative_pose: bool = True
     """Predict the pose relative to each template (the paper) instead of the absolute pose: ablation (4)."""
     multiview: bool = True
@@ -71,6 +78,8 @@ class RayPoseConfig:
             "width",
             "heads",
             "templates",
+            "flow_width",
+            "flow_radius",
         ):
             if getattr(self, name) < 1:
                 raise ConfigError(f"{name} must be 1 or more, got {getattr(self, name)}")
@@ -87,6 +96,12 @@ class RayPoseConfig:
                 f"crop_px must be {patch} times local_cells, the stride of {self.image_encoder!r}, got "
                 f"crop_px={self.crop_px}, local_cells={self.local_cells}"
             )
+        if self.flow and not (self.matching and self.template_pose):
+            raise ConfigError("flow needs matching and template_pose; without them set flow=False too")
+        if self.flow and self.is_dino:
+            raise ConfigError(
+                "flow needs simpick's own image encoder: DINOv2 has no cells half as wide; set flow=False"
+            )
         if self.width % self.heads:
             raise ConfigError(f"heads must divide width, got heads={self.heads}, width={self.width}")
         if not 1.0 <= self.padding <= 3.0:
@@ -102,6 +117,16 @@ class RayPoseConfig:
     def is_dino(self) -> bool:
         """Return whether the image encoder is a frozen DINOv2."""
         return self.image_encoder != "simpick"
+
+    @property
+    def flow_cells(self) -> int:
+        """Return the side of the grid that flow is measured on."""
+        return 2 * self.local_cells
+
+    @property
+    def geometry_cells(self) -> int:
+        """Return the side of the grid that crops' geometry is told on: the finest that the network asks for."""
+        return self.flow_cells if self.flow else self.local_cells
 
     @property
     def is_fine(self) -> bool:
@@ -134,7 +159,15 @@ class RayPoseConfig:
 
 PRESETS: dict[str, RayPoseConfig] = {
     "tiny": RayPoseConfig(
-        crop_px=48, local_cells=6, map_cells=3, local_width=24, match_width=16, width=32, heads=2, decoder_blocks=1
+        crop_px=48,
+        local_cells=6,
+        map_cells=3,
+        local_width=24,
+        match_width=16,
+        flow_width=16,
+        width=32,
+        heads=2,
+        decoder_blocks=1,
     ),
     "small": RayPoseConfig(),
     "base": RayPoseConfig(
@@ -160,6 +193,7 @@ PRESETS: dict[str, RayPoseConfig] = {
         fuser_blocks=4,
         decoder_blocks=12,
         matching=False,
+        flow=False,
     ),
 }
 """Sizes by name: ``tiny`` for tests, ``small`` ships, ``base`` wants a GPU, ``paper`` is the published recipe."""

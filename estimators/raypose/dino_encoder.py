@@ -20,6 +20,7 @@ from torch import Tensor, nn
 
 from simpick.errors import CheckpointError, ConfigError
 from simpick.estimators.raypose.config import RayPoseConfig
+from simpick.estimators.raypose.image_encoder import FeatureMaps
 from simpick.estimators.raypose.strict_weights import check_weights
 
 PATCH_PX = 14
@@ -51,15 +52,13 @@ class DinoEncoder(nn.Module):
         return self
 
     @torch.no_grad()
-    def forward(
-        self, rgb: Float[Tensor, "batch 3 size size"], masks: Float[Tensor, "batch size size"]
-    ) -> Float[Tensor, "batch width cells cells"]:
+    def forward(self, rgb: Float[Tensor, "batch 3 size size"], masks: Float[Tensor, "batch size size"]) -> FeatureMaps:
         """Return one feature vector for each patch of 14 x 14 pixels; RGB in [0, 1], black outside the mask."""
         x = (rgb * masks[:, None] - self.mean) / self.std
         vit: Any = self.vit
         tokens = vit.forward_features(x)  # (batch, 1 + cells * cells, width)
         cells = rgb.shape[-1] // PATCH_PX
-        return tokens[:, -cells * cells :].mT.unflatten(-1, (cells, cells))
+        return FeatureMaps(tokens[:, -cells * cells :].mT.unflatten(-1, (cells, cells)), None)
 
 
 def make_dino_encoder(config: RayPoseConfig) -> DinoEncoder:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from simpick.assets.part import Part
 from simpick.errors import CheckpointError, ConfigError, UnknownNameError
@@ -19,15 +19,19 @@ from simpick.estimators.answerable import answerable
 from simpick.estimators.base import PoseEstimator
 from simpick.estimators.pose_clusters import cluster_hypotheses
 from simpick.estimators.raypose.checkpoints import load_checkpoint, shipped_checkpoint
-from simpick.estimators.raypose.inference import agreement, combine_views, sample_views
-from simpick.estimators.raypose.model import QueryTokens, RayPose, TemplateTokens
+from simpick.estimators.raypose.combining import agreement, combine_views
+from simpick.estimators.raypose.inference import sample_views
+from simpick.estimators.raypose.model import RayPose
 from simpick.estimators.raypose.pose_maps import ViewPoses
 from simpick.estimators.raypose.query_crops import QueryCrops, crop_queries
 from simpick.estimators.raypose.schedule import make_schedule
 from simpick.estimators.raypose.template_bank import TemplateBank
+from simpick.estimators.raypose.tokens import QueryTokens, TemplateTokens, map_tensors
 from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
 from simpick.rendering import load_templates
 
+_AT_ONCE = 32
+"""Queries that are compared with their templates at a time: some 250 MB."""
 _FINE_ITERATIONS, _COARSE_ITERATIONS = 1, 2
 
 
@@ -38,7 +42,8 @@ class RayPoseEstimatorConfig:
     turns: int = 12
     """Coarse only: turns of a detection about the optical axis in which it is compared with the upright templates."""
     tried: int = 4
-    """Coarse only: how many of the turns, those whose matches agree best on a pose, are followed to the end."""
+    """How many of the turns, those whose matches agree best on a pose, are followed; after each pass but the last the
+    better half goes on."""
     iterations: int | None = None
     """How often templates are taken around the estimate and a new one made: 1 if None for fine; for coarse 2, beside
     the first estimate from templates over the sphere."""
@@ -168,50 +173,74 @@ class RayPoseEstimator:
         """Return a guess for each start."""
         query = np.repeat(rows, [len(own) for own in starts])
         Ts_camera_part = np.stack([T for own in starts for T in own])
-        return self._followed(part, crops, queries, query, _Guesses(query, Ts_camera_part, np.zeros(len(query))))
+        return self._followed(part, crops, queries, _Guesses(query, query, Ts_camera_part, np.zeros(len(query))))
 
     def _coarse(self, part: str, crops: QueryCrops, queries: QueryTokens, rows: list[int], turns: int) -> _Guesses:
-        """Return a guess for each of the turns whose matches agree best on a pose."""
-        sphere = self._banks[part][1].over_sphere()
+        """Return the guesses that the most promising turns lead to."""
         turned = (np.array(rows)[:, None] * turns + np.arange(turns)).ravel()
-        if turns > 1:
-            agreed = self.model.first_support(_some(queries, turned), _for_all(sphere, len(turned)))
-            keep = min(turns, max(self.config.tried, self.config.hypotheses))
-            best = agreed.reshape(len(rows), turns).topk(keep, dim=1).indices.numpy()
-            turned = (np.array(rows)[:, None] * turns + best).ravel()
-        pose, scores = self._sample(queries, turned, _for_all(sphere, len(turned)))
-        first = _Guesses(turned // turns, crops.poses_in_camera(turned, pose), scores)
-        return self._followed(part, crops, queries, turned, first)
+        sphere = self._banks[part][1].over_sphere()
 
-    def _followed(
-        self, part: str, crops: QueryCrops, queries: QueryTokens, crop: np.ndarray, guesses: _Guesses
-    ) -> _Guesses:
+        def guessed(rows: np.ndarray, is_last: bool) -> _Guesses:
+            pose, scores = self._answer(queries, rows, lambda few: _for_all(sphere, few), is_last=is_last)
+            return _Guesses(rows // turns, rows, crops.poses_in_camera(rows, pose), scores)
+
+        first = guessed(turned, is_last=False).best(max(self.config.tried, self.config.hypotheses))
+        if self._iterations == 0 and self.model.matches:
+            return guessed(first.crops, is_last=True)
+        return self._followed(part, crops, queries, first)
+
+    def _followed(self, part: str, crops: QueryCrops, queries: QueryTokens, guesses: _Guesses) -> _Guesses:
         """Return guesses after templates around them, an answer, templates around that, and so on.
 
-        `crop` tells for each guess the crop that it is seen in.
+        After each pass but the last, the better half of what is tried goes on.
         """
-        bank = self._banks[part][1]
-        Ts_camera_part, scores = guesses.Ts_camera_part, guesses.scores
-        for _ in range(self._iterations):
-            templates = bank.around(crops.poses_in_crops(crop, Ts_camera_part))
-            pose, scores = self._sample(queries, crop, templates)
-            Ts_camera_part = crops.poses_in_camera(crop, pose)
-        return _Guesses(guesses.rows, Ts_camera_part, scores)
+        bank, kept = self._banks[part][1], max(self.config.hypotheses, (self.config.tried + 1) // 2)
+        for left in reversed(range(self._iterations)):
+            Ts_crop_part = crops.poses_in_crops(guesses.crops, guesses.Ts_camera_part)
+            pose, scores = self._answer(
+                queries, guesses.crops, lambda few, Ts=Ts_crop_part: bank.around(Ts[few]), is_last=left == 0
+            )
+            Ts_camera_part = crops.poses_in_camera(guesses.crops, pose)
+            guesses = _Guesses(guesses.rows, guesses.crops, Ts_camera_part, scores)
+            if left:
+                guesses = guesses.best(kept)
+        return guesses
 
-    def _sample(
-        self, queries: QueryTokens, rows: np.ndarray, templates: TemplateTokens
+    def _answer(
+        self,
+        queries: QueryTokens,
+        rows: Int[np.ndarray, "n"],
+        templates_of: Callable[[np.ndarray], TemplateTokens],
+        *,
+        is_last: bool,
     ) -> tuple[ViewPoses, Float[np.ndarray, "n"]]:
-        """Return the templates' common answer for these queries, and its score, in [0, 1]."""
-        own = _some(queries, rows)
-        conditioning = self.model.condition(own, templates)
+        """Return the templates' common answer for these queries, and its score, in [0, 1].
+
+        A few at a time, so that memory does not depend on how many parts are seen; `templates_of` gives those of some
+        rows, by their places among `rows`.
+        """
+        places = np.split(np.arange(len(rows)), range(_AT_ONCE, len(rows), _AT_ONCE))
+        answers = [self._answer_few(_some(queries, rows[few]), templates_of(few), is_last=is_last) for few in places]
+        poses, scores = zip(*answers, strict=True)
+        R, centre, reach_m = (torch.cat([getattr(pose, f) for pose in poses]) for f in ("R", "centre", "reach_m"))
+        return ViewPoses(R, centre, reach_m), np.concatenate(scores)
+
+    def _answer_few(
+        self, own: QueryTokens, templates: TemplateTokens, *, is_last: bool
+    ) -> tuple[ViewPoses, Float[np.ndarray, "n"]]:
+        # Before the last pass, poses solved from matches are good enough to choose templates by.
+        if self.model.matches and not is_last:
+            pose, scores = self.model.search(own, templates)
+            return pose, scores.numpy()
+        conditioning = self.model.condition(own, templates if templates.kv else self.model.fuse(templates))
         generator = torch.Generator().manual_seed(self.config.seed)
         views = sample_views(self.model, conditioning, self._schedule, self.config.steps, generator)
         pose = combine_views(views)
-        if conditioning.matches is None or not self.model.config.multiview:
+        if conditioning.matched is None or not self.model.matches:
             # Without matches, templates' agreement is all there is to go by.
             return pose, agreement(views).numpy()
-        single = ViewPoses(pose.R[:, None], pose.centre[:, None], pose.reach_m[:, None])
-        return pose, self.model.support(own, conditioning.matches, single, templates.diameter_m)[:, 0].numpy()
+        single = map_tensors(pose, lambda x: x[:, None])
+        return pose, self.model.support(own, conditioning.matched.matches, single, templates.diameter_m)[:, 0].numpy()
 
     def _ranked(self, part: str, guesses: _Guesses, row: int) -> list[PoseHypothesis]:
         """Return one detection's guesses without near-identical ones, best first."""
@@ -232,9 +261,19 @@ class RayPoseEstimator:
 class _Guesses:
     """Poses of detections, any number each."""
 
-    rows: np.ndarray
+    rows: Int[np.ndarray, "n"]
+    """Detections."""
+    crops: Int[np.ndarray, "n"]
+    """Crops of theirs that they are seen in: one of several turns."""
     Ts_camera_part: Float[np.ndarray, "n 4 4"]
     scores: Float[np.ndarray, "n"]
+
+    def best(self, count: int) -> _Guesses:
+        """Return the `count` guesses of each detection with the highest scores."""
+        order = np.lexsort((-self.scores, self.rows))
+        rows = self.rows[order]
+        kept = order[np.arange(len(rows)) - np.searchsorted(rows, rows) < count]
+        return _Guesses(self.rows[kept], self.crops[kept], self.Ts_camera_part[kept], self.scores[kept])
 
 
 def load_estimator(
@@ -265,9 +304,9 @@ def load_estimator(
     return RayPoseEstimator(model, config, start=start)
 
 
-def _for_all(templates: TemplateTokens, queries: int) -> TemplateTokens:
+def _for_all(templates: TemplateTokens, places: np.ndarray) -> TemplateTokens:
     """Return one set of templates for each of so many queries."""
-    return templates.for_queries(torch.zeros(queries, dtype=torch.long))
+    return templates.for_queries(torch.zeros(len(places), dtype=torch.long))
 
 
 def _some(queries: QueryTokens, rows: np.ndarray) -> QueryTokens:

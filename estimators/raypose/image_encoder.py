@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
@@ -36,6 +38,16 @@ def orientation_channels(
     return torch.cat([gray, double, magnitude, mask], dim=1)
 
 
+@dataclass(frozen=True, eq=False)
+class FeatureMaps:
+    """What an image encoder says of crops."""
+
+    cells: Float[Tensor, "batch width cells cells"]
+    """One feature vector for each cell."""
+    narrow: Float[Tensor, "batch narrow cells2 cells2"] | None
+    """The same on cells half as wide; None if the encoder has none."""
+
+
 class ResidualBlock(nn.Module):
     """Two 3 x 3 convolutions and a shortcut; group normalisation, which does not depend on the batch."""
 
@@ -59,18 +71,19 @@ class SimpickEncoder(nn.Module):
 
     def __init__(self, width: int) -> None:
         super().__init__()
-        narrow, middle = max(8, width // 6), max(16, width // 3)
-        self.stem = nn.Conv2d(CHANNELS, narrow, 5, 2, 2)
+        stem, self.narrow_width = max(8, width // 6), max(16, width // 3)
+        self.stem = nn.Conv2d(CHANNELS, stem, 5, 2, 2)
         self.blocks = nn.Sequential(
-            ResidualBlock(narrow, middle, 2), ResidualBlock(middle, width, 2), ResidualBlock(width, width, 1)
+            ResidualBlock(stem, self.narrow_width, 2),
+            ResidualBlock(self.narrow_width, width, 2),
+            ResidualBlock(width, width, 1),
         )
 
-    def forward(
-        self, rgb: Float[Tensor, "batch 3 size size"], masks: Float[Tensor, "batch size size"]
-    ) -> Float[Tensor, "batch width cells cells"]:
-        """Return one feature vector for each 8 x 8 pixels; RGB in [0, 1]."""
+    def forward(self, rgb: Float[Tensor, "batch 3 size size"], masks: Float[Tensor, "batch size size"]) -> FeatureMaps:
+        """Return one feature vector for each 8 x 8 pixels, and one for each 4 x 4; RGB in [0, 1]."""
         x = orientation_channels(rgb, masks)  # (batch, 5, size, size)
-        return self.blocks(F.relu(self.stem(x)))  # (batch, width, size / 8, size / 8)
+        narrow = self.blocks[0](F.relu(self.stem(x)))  # (batch, narrow, size / 4, size / 4)
+        return FeatureMaps(self.blocks[1:](narrow), narrow)  # (batch, width, size / 8, size / 8)
 
 
 def make_image_encoder(config: RayPoseConfig) -> nn.Module:

@@ -27,6 +27,9 @@ class LossWeights:
     matching: float = 0.3
     matched_points: float = 3.0
     first: float = 1.0
+    flow_matching: float = 0.3
+    flow_offset: float = 0.3
+    flow_pose: float = 2.0
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -100,6 +103,49 @@ def matched_points(
     # Some cells show what no template shows.
     error = 0.15 * torch.tanh(error / 0.15)
     return (error * query_valid).sum() / query_valid.sum().clamp_min(1)
+
+
+def flow_matching(
+    log_probabilities: Float[Tensor, "batch cells offsets"],
+    offsets: Float[Tensor, "offsets 2"],
+    wanted: Float[Tensor, "batch cells 2"],
+    valid: Bool[Tensor, "batch cells"],
+    unit: float,
+) -> Float[Tensor, ""]:
+    """Return the cross-entropy between where template cells are looked for and where the query shows them.
+
+    `unit` is a cell's width; the target is a normal distribution of 0.6 cells around the true offset.
+    """
+    distance = (wanted[..., None, :] - offsets).square().sum(dim=-1)
+    target = (distance / (-2 * (0.6 * unit) ** 2)).softmax(dim=-1)
+    entropy = -(target * log_probabilities).sum(dim=-1)
+    return (entropy * valid).sum() / valid.sum().clamp_min(1)
+
+
+def flow_offset(
+    offset: Float[Tensor, "batch cells 2"],
+    wanted: Float[Tensor, "batch cells 2"],
+    valid: Bool[Tensor, "batch cells"],
+    unit: float,
+) -> Float[Tensor, ""]:
+    """Return the mean distance between measured and true offsets, in cells; far-off ones count no further."""
+    error = ((offset - wanted) / unit).norm(dim=-1).clamp(max=4.0)
+    return (error * valid).sum() / valid.sum().clamp_min(1)
+
+
+def flow_pose(
+    R: Float[Tensor, "batch 3 3"],
+    centre: Float[Tensor, "batch 2"],
+    log_scale: Float[Tensor, "batch"],
+    R_true: Float[Tensor, "batch 3 3"],
+    centre_true: Float[Tensor, "batch 2"],
+    log_scale_true: Float[Tensor, "batch"],
+) -> Float[Tensor, ""]:
+    """Return the L1-like error of a pose: chordal distance, centre in half sides, log scale; far-off ones saturate."""
+    turn = (R - R_true).square().sum(dim=(-2, -1)).clamp_min(1e-12).sqrt()
+    shift = (centre - centre_true).abs().sum(dim=-1).clamp(max=0.3)
+    size = (log_scale - log_scale_true).abs().clamp(max=0.3)
+    return (0.3 * torch.tanh(turn / 0.3) + 2 * shift + 2 * size).mean()
 
 
 def pose_map_losses(

@@ -3,106 +3,34 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TypeVar
+import math
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor, nn
 
+from simpick.estimators.raypose.combining import combine_views
 from simpick.estimators.raypose.config import RayPoseConfig
 from simpick.estimators.raypose.decoder import Decoder
-from simpick.estimators.raypose.image_encoder import make_image_encoder
-from simpick.estimators.raypose.layers import KeysValues, SelfAttentionBlock, mlp
+from simpick.estimators.raypose.flow import FlowCells, TemplateFlow
+from simpick.estimators.raypose.image_encoder import FeatureMaps, SimpickEncoder, make_image_encoder
+from simpick.estimators.raypose.layers import SelfAttentionBlock, mlp
 from simpick.estimators.raypose.matching import FEATURES, Matcher, Matches
 from simpick.estimators.raypose.pose_maps import CHANNELS, ViewPoses, cell_centres, encode_pose_maps
-from simpick.estimators.raypose.pose_solver import ITERATIONS, SolvedPoses, solve_poses, support
+from simpick.estimators.raypose.pose_solver import ITERATIONS, SolvedPoses, residuals_of, solve_poses, support
+from simpick.estimators.raypose.tokens import (
+    Conditioning,
+    FirstPoses,
+    QueryInputs,
+    QueryTokens,
+    TemplateInputs,
+    TemplateTokens,
+    map_tensors,
+)
 from simpick.estimators.raypose.view_encoder import ViewEncoder
 
 _SEARCH_ITERATIONS = 4
 """Enough to tell a turn that fits from one that does not."""
-
-
-@dataclass(frozen=True, eq=False)
-class QueryInputs:
-    """Crops of detections; all that is known of them."""
-
-    rgb: Float[Tensor, "batch 3 size size"]
-    """In [0, 1]."""
-    masks: Float[Tensor, "batch size size"]
-    half_tangent: Float[Tensor, "batch"]
-    """Tangent of half the crop's angle."""
-
-
-@dataclass(frozen=True, eq=False)
-class TemplateInputs:
-    """Crops of rendered views with their poses and geometry."""
-
-    rgb: Float[Tensor, "batch views 3 size size"]
-    masks: Float[Tensor, "batch views size size"]
-    half_tangent: Float[Tensor, "batch views"]
-    poses: ViewPoses
-    """Leading dimensions (batch, views)."""
-    points: Float[Tensor, "batch views cells 3"]
-    """Mean position in the part's frame of what each cell shows, in diameters; 0 where it shows nothing."""
-    coverage: Float[Tensor, "batch views cells"]
-    """Share of each cell that the part covers."""
-    diameter_m: Float[Tensor, "batch"]
-
-
-@dataclass(frozen=True, eq=False)
-class TemplateTokens:
-    """What is kept of templates: made once, for any query."""
-
-    tokens: Float[Tensor, "batch views tokens width"]
-    descriptors: Float[Tensor, "batch views cells match_width"]
-    points: Float[Tensor, "batch views cells 3"]
-    coverage: Float[Tensor, "batch views cells"]
-    poses: ViewPoses
-    diameter_m: Float[Tensor, "batch"]
-    kv: Sequence[KeysValues] = ()
-    """Once fused: each decoder block's keys and values of the tokens; without multiview, one group a template."""
-
-    def for_queries(self, sets: Int[Tensor, "queries"]) -> TemplateTokens:
-        """Return for each query the set of templates that it is compared with."""
-        views = self.tokens.shape[1]
-
-        def chosen(x: Tensor) -> Tensor:
-            if len(x) == len(self.tokens):
-                # One set for all is not copied.
-                return x.expand(len(sets), *x.shape[1:]) if len(x) == 1 else x[sets]
-            return chosen(x.unflatten(0, (-1, views))).flatten(0, 1)
-
-        kv = [(chosen(k), chosen(v)) for k, v in self.kv]
-        tensors = {n: chosen(getattr(self, n)) for n in ("tokens", "descriptors", "points", "coverage", "diameter_m")}
-        return dataclasses.replace(self, poses=_map(self.poses, chosen), kv=kv, **tensors)
-
-
-@dataclass(frozen=True, eq=False)
-class QueryTokens:
-    """What is kept of a query."""
-
-    tokens: Float[Tensor, "batch tokens width"]
-    descriptors: Float[Tensor, "batch cells match_width"]
-    coverage: Float[Tensor, "batch cells"]
-    places: Float[Tensor, "batch cells 2"]
-    """Mean place of each cell's pixels of the mask, in half crop sides: matched points are means over them."""
-    half_tangent: Float[Tensor, "batch"]
-
-
-@dataclass(frozen=True, eq=False)
-class Conditioning:
-    """All that the decoder needs beside noisy maps: the same at every step."""
-
-    base: Float[Tensor, "groups views tokens width"]
-    """Without multiview, every template is a group of its own."""
-    kv: Sequence[KeysValues]
-    reference: ViewPoses
-    """What poses are relative to; leading dimensions (batch, views)."""
-    first: Float[Tensor, "groups views tokens 6"]
-    """Maps that the decoder corrects: those of the pose solved from matches, or of "same pose as the reference"."""
-    matches: Matches | None
 
 
 class RayPose(nn.Module):
@@ -122,28 +50,51 @@ class RayPose(nn.Module):
         self.view_position = nn.Parameter(0.02 * torch.randn(config.templates, width))
         self.fuser = nn.Sequential(*(SelfAttentionBlock(width, config.heads) for _ in range(config.fuser_blocks)))
         self.matcher = Matcher(config.local_width, config.match_width)
+        narrow = self.image_encoder.narrow_width if isinstance(self.image_encoder, SimpickEncoder) else 0
+        self.flow = TemplateFlow(config, narrow) if config.flow else None
         self.embed_matches = nn.Sequential(nn.Linear(patch * FEATURES, width), mlp(width, 2))
         self.decoder = Decoder(config)
 
     def encode_query(self, inputs: QueryInputs) -> QueryTokens:
         """Return a query's tokens and descriptors: image and box, since its pose is what is asked for."""
-        features = self.image_encoder(inputs.rgb, inputs.masks)  # (batch, local width, cells, cells)
-        tokens = self._image_tokens(features) + self.view_encoder.encode_box(inputs.half_tangent)
+        features = self.image_encoder(inputs.rgb, inputs.masks)
+        tokens = self._image_tokens(features.cells) + self.view_encoder.encode_box(inputs.half_tangent)
         coverage, places = self._coverage_and_places(inputs.masks)
-        return QueryTokens(tokens, self.matcher.describe(features), coverage, places, inputs.half_tangent)
+        # Each flow cell is a whole number of pixels wide.
+        side = self.config.crop_px // self.config.flow_cells
+        flow_coverage = nn.functional.avg_pool2d(inputs.masks, side).flatten(1)
+        return QueryTokens(
+            tokens,
+            self.matcher.describe(features.cells),
+            coverage,
+            places,
+            inputs.half_tangent,
+            self._flow_descriptors(features),
+            flow_coverage if self.flow else flow_coverage[:, :0],
+        )
 
     def encode_templates(self, inputs: TemplateInputs) -> TemplateTokens:
         """Return what templates' images say: tokens and descriptors, before poses are told."""
         batch, views = inputs.coverage.shape[:2]
         features = self.image_encoder(inputs.rgb.flatten(0, 1), inputs.masks.flatten(0, 1))
-        tokens = self._image_tokens(features) + self.view_encoder.encode_box(inputs.half_tangent.flatten())
+        tokens = self._image_tokens(features.cells) + self.view_encoder.encode_box(inputs.half_tangent.flatten())
+        points, coverage = inputs.points, inputs.coverage
+        if self.flow:
+            points, coverage = halved_geometry(points, coverage)
+        finest = slice(None) if self.flow else slice(0)
+        flow = FlowCells(
+            self._flow_descriptors(features).unflatten(0, (batch, views)),
+            inputs.points[:, :, finest],
+            inputs.coverage[:, :, finest],
+        )
         return TemplateTokens(
             tokens.unflatten(0, (batch, views)),
-            self.matcher.describe(features).unflatten(0, (batch, views)),
-            inputs.points,
-            inputs.coverage,
+            self.matcher.describe(features.cells).unflatten(0, (batch, views)),
+            points,
+            coverage,
             inputs.poses,
             inputs.diameter_m,
+            flow,
         )
 
     def fuse(self, templates: TemplateTokens) -> TemplateTokens:
@@ -171,11 +122,11 @@ class RayPose(nn.Module):
         reference = self.reference(fused)
         base = query.tokens[:, None] + fused.tokens  # (batch, views, tokens, width)
         first = self.decoder.neutral.expand(*base.shape[:-1], CHANNELS)
-        matches = None
+        matched = None
         if self.config.matching and self.config.template_pose:
-            matches, solved = self._match(query, fused)
-            base = base + self.embed_matches(self._patches(self._match_features(query, fused, matches, solved)))
-            first = self._maps_of(solved, reference, fused.diameter_m)
+            matched = self.first_poses(query, fused)
+            base = base + self.embed_matches(self._patches(self._match_features(query, fused, matched)))
+            first = self.maps_of(matched.poses, fused)
         own = query.tokens
         if not self.config.multiview:
             base, first = base.flatten(0, 1)[:, None], first.flatten(0, 1)[:, None]
@@ -184,7 +135,7 @@ class RayPose(nn.Module):
             (torch.cat([k, template_k], dim=2), torch.cat([v, template_v], dim=2))
             for (k, v), (template_k, template_v) in zip(self.decoder.keys_values(own), fused.kv, strict=True)
         ]
-        return Conditioning(base, kv, reference, first, matches)
+        return Conditioning(base, kv, reference, first, matched)
 
     def denoise(
         self, maps: Float[Tensor, "batch views p p 6"], log_snr: Float[Tensor, "batch"], conditioning: Conditioning
@@ -196,28 +147,70 @@ class RayPose(nn.Module):
             noisy, log_snr = noisy.flatten(0, 1)[:, None], log_snr.repeat_interleave(shape[1])
         return self.decoder(noisy, log_snr, conditioning.base, conditioning.first, conditioning.kv).reshape(shape)
 
-    def first_maps(
-        self, query: QueryTokens, templates: TemplateTokens
-    ) -> tuple[Matches, Float[Tensor, "batch views tokens 6"]]:
-        """Return matches and the maps of the pose solved from them, for which templates need not be fused."""
-        matches, solved = self._match(query, templates)
-        return matches, self._maps_of(solved, self.reference(templates), templates.diameter_m)
+    def first_poses(self, query: QueryTokens, templates: TemplateTokens, *, flow: bool = True) -> FirstPoses:
+        """Return matches, the poses solved from them, and what flow makes of these; templates need not be fused.
+
+        Without multiview, every template is a query's only one: as many groups as templates, of one view each.
+        """
+        views, multiview = templates.tokens.shape[1], self.config.multiview
+        Rs, near = templates.poses.R, templates.flow
+        start = _unsolved(templates.poses, templates.diameter_m)
+        if not multiview:
+            query = map_tensors(query, lambda x: x.repeat_interleave(views, 0))
+            start = map_tensors(start, lambda x: x.flatten(0, 1)[:, None])
+            near = map_tensors(near, lambda x: x.flatten(0, 1)[:, None])
+            Rs = Rs.flatten(0, 1)[:, None]
+        first = 1 if multiview else 0
+        descriptors, points, coverage = (
+            x.flatten(first, first + 1) for x in (templates.descriptors, templates.points, templates.coverage)
+        )
+        matches = self.matcher.match(query.descriptors, descriptors, points, coverage, query.coverage)
+        iterations = ITERATIONS if flow else _SEARCH_ITERATIONS
+        args = matches.points, query.places, matches.weights, query.half_tangent
+        solved = poses = solve_poses(*args, start, iterations)
+        followed = None
+        if self.flow and flow:
+            common = _common(solved)
+            near = near.nearer_half(Rs, common.R[:, 0])
+            followed = self.flow(query.flow_descriptors, query.flow_coverage, near, query.half_tangent, common)
+            poses = map_tensors(followed.pose, lambda x: x.expand(-1, start.R.shape[1], *x.shape[2:]))
+            poses = dataclasses.replace(poses, residuals=residuals_of(*args[:2], query.half_tangent, poses))
+        if not multiview:
+            solved, poses = (map_tensors(x, lambda y: y.squeeze(1).unflatten(0, (-1, views))) for x in (solved, poses))
+        return FirstPoses(matches, solved, followed, poses)
+
+    def maps_of(self, poses: SolvedPoses, templates: TemplateTokens) -> Float[Tensor, "batch views tokens 6"]:
+        """Return the pose maps of each view's pose."""
+        reach_m = templates.diameter_m[:, None] / poses.log_scale.exp()
+        pose = ViewPoses(poses.R, poses.centre, reach_m)
+        maps = encode_pose_maps(pose, self.reference(templates), self.config.map_cells, self.config.padding)
+        return maps.flatten(2, 3)
 
     def support(
         self, query: QueryTokens, matches: Matches, poses: ViewPoses, diameter_m: Float[Tensor, "batch"]
     ) -> Float[Tensor, "batch views"]:
-        """Return how much of what is seen is matched where each pose says, in [0, 1]; multiview networks only."""
+        """Return how much of what is seen is matched where each pose says, in [0, 1]; see `matches`."""
         pose = _unsolved(poses, diameter_m)
         # Not the trust, which is only relative.
         weights = query.coverage * matches.likeness.clamp(0, 1)
         return support(matches.points, query.places, weights, query.coverage, query.half_tangent, pose)
 
-    def first_support(self, query: QueryTokens, fused: TemplateTokens) -> Float[Tensor, "batch"]:
-        """Return the support of the best pose solved from matches alone: what a search over turns goes by."""
-        matches, solved = self._match(query, fused, _SEARCH_ITERATIONS)
-        reach_m = fused.diameter_m[:, None] / solved.log_scale.exp()
-        poses = ViewPoses(solved.R, solved.centre, reach_m)
-        return self.support(query, matches, poses, fused.diameter_m).amax(dim=1)
+    @property
+    def matches(self) -> bool:
+        """Return whether poses can be solved from matches with all templates, without denoising."""
+        return self.config.matching and self.config.template_pose and self.config.multiview
+
+    def search(self, query: QueryTokens, templates: TemplateTokens) -> tuple[ViewPoses, Float[Tensor, "batch"]]:
+        """Return the best pose solved from matches alone, and its support; for networks that match, see `matches`.
+
+        A fraction of the cost of an answer: what a search over turns and starts goes by. Templates need not be fused.
+        """
+        first = self.first_poses(query, templates, flow=False)
+        reach_m = templates.diameter_m[:, None] / first.solved.log_scale.exp()
+        poses = ViewPoses(first.solved.R, first.solved.centre, reach_m)
+        support = self.support(query, first.matches, poses, templates.diameter_m)
+        best, rows = support.argmax(dim=1), torch.arange(len(support), device=support.device)
+        return map_tensors(poses, lambda x: x[rows, best]), support[rows, best]
 
     def reference(self, fused: TemplateTokens) -> ViewPoses:
         """Return what poses are relative to; leading dimensions (batch, views)."""
@@ -230,46 +223,25 @@ class RayPose(nn.Module):
 
     # -- pieces -------------------------------------------------------------------------------------------------
 
-    def _match(
-        self, query: QueryTokens, fused: TemplateTokens, iterations: int = ITERATIONS
-    ) -> tuple[Matches, SolvedPoses]:
-        """Return matches, and the pose solved from them from each template's own.
-
-        Without multiview, every template is a query's only one: as many groups as templates, of one view each.
-        """
-        views, multiview = fused.tokens.shape[1], self.config.multiview
-        start = _unsolved(fused.poses, fused.diameter_m)
-        if not multiview:
-            query = _map(query, lambda x: x.repeat_interleave(views, 0))
-            start = _map(start, lambda x: x.flatten(0, 1)[:, None])
-        first = 1 if multiview else 0
-        descriptors, points, coverage = (
-            x.flatten(first, first + 1) for x in (fused.descriptors, fused.points, fused.coverage)
-        )
-        matches = self.matcher.match(query.descriptors, descriptors, points, coverage, query.coverage)
-        solved = solve_poses(matches.points, query.places, matches.weights, query.half_tangent, start, iterations)
-        return matches, solved if multiview else _map(solved, lambda x: x.squeeze(1).unflatten(0, (-1, views)))
-
     def _match_features(
-        self, query: QueryTokens, fused: TemplateTokens, matches: Matches, solved: SolvedPoses
+        self, query: QueryTokens, fused: TemplateTokens, first: FirstPoses
     ) -> Float[Tensor, "batch views cells features"]:
         """Return what the decoder is told of each cell."""
         reference, views = self.reference(fused), fused.tokens.shape[1]
+        matches, solved = first.matches, first.poses
         scale = fused.diameter_m[:, None] / reference.reach_m
         if self.config.multiview:
             return matches.features(solved, reference, scale, query.coverage, query.places)
-        reference = _map(reference, lambda x: x.flatten(0, 1)[:, None])
-        solved = _map(solved, lambda x: x.flatten(0, 1)[:, None])
+        reference = map_tensors(reference, lambda x: x.flatten(0, 1)[:, None])
+        solved = map_tensors(solved, lambda x: x.flatten(0, 1)[:, None])
         coverage, places = (x.repeat_interleave(views, 0) for x in (query.coverage, query.places))
         features = matches.features(solved, reference, scale.flatten()[:, None], coverage, places)
         return features.squeeze(1).unflatten(0, (-1, views))
 
-    def _maps_of(
-        self, solved: SolvedPoses, reference: ViewPoses, diameter_m: Float[Tensor, "batch"]
-    ) -> Float[Tensor, "batch views tokens 6"]:
-        reach_m = diameter_m[:, None] / solved.log_scale.exp()
-        pose = ViewPoses(solved.R, solved.centre, reach_m)
-        return encode_pose_maps(pose, reference, self.config.map_cells, self.config.padding).flatten(2, 3)
+    def _flow_descriptors(self, features: FeatureMaps) -> Float[Tensor, "batch flow_cells width"]:
+        if self.flow is None or features.narrow is None:
+            return features.cells.new_zeros(len(features.cells), 0, self.config.flow_width)
+        return self.flow.describe(features.narrow, features.cells)
 
     def _image_tokens(self, features: Float[Tensor, "batch channels h w"]) -> Float[Tensor, "batch tokens width"]:
         return self.embed_image(self._patches(features.flatten(2).mT)) + self.patch_position
@@ -299,16 +271,28 @@ def _unsolved(poses: ViewPoses, diameter_m: Float[Tensor, "batch"]) -> SolvedPos
     return SolvedPoses(poses.R, poses.centre, log_scale, poses.centre.new_zeros(*log_scale.shape, 0, 2))
 
 
+def _common(solved: SolvedPoses) -> SolvedPoses:
+    """Return the one pose that most views' solutions agree on, as one view without gradient."""
+    # In single precision, as they were solved.
+    with torch.no_grad(), torch.autocast(solved.R.device.type, enabled=False):
+        one = combine_views(ViewPoses(solved.R, solved.centre, (-solved.log_scale).exp()))
+    R, centre, log_scale = one.R[:, None], one.centre[:, None], -one.reach_m.log()[:, None]
+    return SolvedPoses(R, centre, log_scale, solved.residuals[:, :1, :0])
+
+
+def halved_geometry(
+    points: Float[Tensor, "*batch cells 3"], coverage: Float[Tensor, "*batch cells"]
+) -> tuple[Float[Tensor, "*batch quarter 3"], Float[Tensor, "*batch quarter"]]:
+    """Return positions and coverage on a grid of half as many cells a side: means over what is covered."""
+    side = math.isqrt(points.shape[-2])
+    x = torch.cat([points * coverage[..., None], coverage[..., None]], dim=-1)
+    x = x.unflatten(-2, (side // 2, 2, side // 2, 2)).mean(dim=(-4, -2)).flatten(-3, -2)
+    covered = x[..., 3]
+    return x[..., :3] / covered.clamp_min(1e-6)[..., None] * (covered > 1e-3)[..., None], covered
+
+
 def _in_view(
     points: Float[Tensor, "batch views cells 3"], poses: ViewPoses, diameter_m: Float[Tensor, "batch"]
 ) -> Float[Tensor, "batch views cells 3"]:
     """Return positions turned into each view's frame, in half sides of its crop."""
     return torch.einsum("bkij,bknj->bkni", poses.R, points) * (diameter_m[:, None] / poses.reach_m)[..., None, None]
-
-
-_Record = TypeVar("_Record", QueryTokens, SolvedPoses, ViewPoses)
-
-
-def _map(record: _Record, function: Callable[[Tensor], Tensor]) -> _Record:
-    """Return a record of tensors with the function applied to each."""
-    return type(record)(*(function(getattr(record, field.name)) for field in dataclasses.fields(record)))

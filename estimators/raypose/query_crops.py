@@ -10,9 +10,9 @@ import torch
 from jaxtyping import Bool, Float
 
 from simpick.estimators.raypose.config import RayPoseConfig
-from simpick.estimators.raypose.model import QueryInputs
 from simpick.estimators.raypose.pose_maps import ViewPoses
 from simpick.estimators.raypose.recrops import aim_recrops, sample_recrops
+from simpick.estimators.raypose.tokens import QueryInputs
 from simpick.geometry import crop_images, transform, turned_boxes
 from simpick.records import CameraFrame
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,16 +11,20 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from simpick.assets.part import Part
-from simpick.estimators.raypose.model import RayPose, TemplateTokens
+from simpick.estimators.raypose.flow import FlowCells
+from simpick.estimators.raypose.model import RayPose
 from simpick.estimators.raypose.pose_maps import ViewPoses
 from simpick.estimators.raypose.template_choice import choose_around, spread_over_sphere
 from simpick.estimators.raypose.template_crops import collate, crop_templates
+from simpick.estimators.raypose.tokens import TemplateTokens
 from simpick.geometry import SymmetryGroup, invert, transform_points
 from simpick.rendering import TemplateSet
 
 TURNS = 12
 """Turns of each view about the optical axis that templates around a pose are chosen from."""
 _ENCODED_AT_ONCE = 64
+_KEPT = 600
+"""Slots of a part that are kept, those used last: some 85 MB of `small`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +35,9 @@ class _Slot:
     descriptors: Float[Tensor, "cells match_width"]
     points: Float[Tensor, "cells 3"]
     coverage: Float[Tensor, "cells"]
+    flow_descriptors: Float[Tensor, "flow_cells flow_width"]
+    flow_points: Float[Tensor, "flow_cells 3"]
+    flow_coverage: Float[Tensor, "flow_cells"]
     T_crop_part: Float[np.ndarray, "4 4"]
     half_tangent: float
 
@@ -59,21 +67,27 @@ class TemplateBank:
         return self._sphere
 
     def around(self, Ts_crop_part: Float[np.ndarray, "n 4 4"]) -> TemplateTokens:
-        """Return for each pose the templates nearest to it, fused; equivalent poses are told as nearest to it."""
+        """Return for each pose the templates nearest to it, not fused; equivalent poses are told as nearest to it."""
         config = self._model.config
         # Of equivalent poses always the same one, so that equivalent starts have the same templates.
         Ts_crop_part = self._symmetries.closest_equivalent(Ts_crop_part, np.eye(4))
         chosen = [choose_around(self.Rs_view_part, T[:3, :3], config.templates, TURNS) for T in Ts_crop_part]
         keys = [[(int(v), int(t)) for v, t in zip(views, turns, strict=True)] for views, turns in chosen]
-        self._encoded([key for own in keys for key in own])
-        sets = [self._posed([self._slots[key] for key in own], T) for own, T in zip(keys, Ts_crop_part, strict=True)]
-        return self._model.fuse(_stack(sets, self._diameter_m))
+        slots = self._encoded([key for own in keys for key in own])
+        own = np.cumsum([0, *map(len, keys)])
+        sets = [self._posed(slots[own[k] : own[k + 1]], T) for k, T in enumerate(Ts_crop_part)]
+        return _stack(sets, self._diameter_m)
 
     def _encoded(self, keys: list[tuple[int, int]]) -> list[_Slot]:
         missing = [key for key in dict.fromkeys(keys) if key not in self._slots]
         for start in range(0, len(missing), _ENCODED_AT_ONCE):
             self._encode(missing[start : start + _ENCODED_AT_ONCE])
-        return [self._slots[key] for key in keys]
+        for key in keys:
+            self._slots[key] = self._slots.pop(key)  # The last used come last.
+        slots = [self._slots[key] for key in keys]
+        for key in list(self._slots)[: max(0, len(self._slots) - _KEPT)]:
+            del self._slots[key]
+        return slots
 
     def _encode(self, keys: list[tuple[int, int]]) -> None:
         views: Int[np.ndarray, "n"] = np.array([view for view, _ in keys])
@@ -86,6 +100,9 @@ class TemplateBank:
                 tokens.descriptors[0, k].clone(),
                 tokens.points[0, k],
                 tokens.coverage[0, k],
+                tokens.flow.descriptors[0, k].clone(),
+                tokens.flow.points[0, k],
+                tokens.flow.coverage[0, k],
                 crops.Ts_crop_part[k],
                 float(crops.half_tangent[k]),
             )
@@ -99,10 +116,16 @@ class TemplateBank:
         Ts_new_old = invert(new) @ Ts
         posed = []
         for slot, T, T_new_old in zip(slots, new, Ts_new_old, strict=True):
-            points = transform_points(T_new_old, self._diameter_m * slot.points.double().numpy()) / self._diameter_m
-            told = torch.tensor(points, dtype=torch.float32) * (slot.coverage > 0)[:, None]
-            posed.append(_Slot(slot.tokens, slot.descriptors, told, slot.coverage, T, slot.half_tangent))
+            points = self._moved(slot.points, slot.coverage, T_new_old)
+            flow_points = self._moved(slot.flow_points, slot.flow_coverage, T_new_old)
+            posed.append(dataclasses.replace(slot, points=points, flow_points=flow_points, T_crop_part=T))
         return posed
+
+    def _moved(
+        self, points: Float[Tensor, "cells 3"], coverage: Float[Tensor, "cells"], T_new_old: Float[np.ndarray, "4 4"]
+    ) -> Float[Tensor, "cells 3"]:
+        moved = transform_points(T_new_old, self._diameter_m * points.double().numpy()) / self._diameter_m
+        return torch.tensor(moved, dtype=torch.float32) * (coverage > 0)[:, None]
 
 
 def _stack(sets: list[list[_Slot]], diameter_m: float) -> TemplateTokens:
@@ -118,4 +141,5 @@ def _stack(sets: list[list[_Slot]], diameter_m: float) -> TemplateTokens:
         stacked("coverage"),
         ViewPoses.of(Ts, half_tangent),
         torch.full((len(sets),), diameter_m),
+        FlowCells(stacked("flow_descriptors"), stacked("flow_points"), stacked("flow_coverage")),
     )

@@ -13,9 +13,9 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from simpick.estimators.raypose.config import RayPoseConfig
-from simpick.estimators.raypose.model import TemplateInputs
 from simpick.estimators.raypose.pose_maps import ViewPoses
 from simpick.estimators.raypose.recrops import aim_recrops, sample_recrops
+from simpick.estimators.raypose.tokens import TemplateInputs
 from simpick.geometry import SymmetryGroup, invert, transform, transform_points, turned_boxes
 from simpick.rendering import TemplateSet
 
@@ -27,7 +27,8 @@ class TemplateCrops:
     rgb: Float[Tensor, "n 3 size size"]
     masks: Float[Tensor, "n size size"]
     points_m: Float[Tensor, "n cells 3"]
-    """Mean position in the part's frame of what each cell shows; 0 where it shows nothing."""
+    """Mean position in the part's frame of what each cell shows; 0 where it shows nothing. Cells are those of
+    `RayPoseConfig.geometry_cells`."""
     coverage: Float[Tensor, "n cells"]
     half_tangent: Float[np.ndarray, "n"]
     Ts_crop_part: Float[np.ndarray, "n 4 4"]
@@ -77,7 +78,7 @@ def crop_templates(
     points_m = _points_in_part(templates, views) * mask
     sampled = sample_recrops(torch.cat([rgb, mask], dim=1), focal, recrops)
     geometry = sample_recrops(torch.cat([mask, points_m], dim=1), focal, recrops.halved())
-    cells = F.adaptive_avg_pool2d(geometry, config.local_cells).flatten(2).mT  # (n, cells, 4)
+    cells = F.adaptive_avg_pool2d(geometry, config.geometry_cells).flatten(2).mT  # (n, cells, 4)
     coverage = cells[..., 0]
     mean = cells[..., 1:] / coverage.clamp_min(1e-6)[..., None] * (coverage > 1e-3)[..., None]
     Ts_crop_part = transform(recrops.Rs_crop_source) @ templates.Ts_camera_part[views]

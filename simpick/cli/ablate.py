@@ -56,7 +56,7 @@ class Ablate:
         by_name = {v.name: v for v in ablations.COMPONENTS + ablations.TEMPLATES + ablations.SCHEDULE_VARIANTS}
         names = variants if is_paper else [v.name for v in ablations.SCHEDULE_VARIANTS]
         console = Console()
-        results = []
+        results = [ablations.measure_untrained(ablation)] if is_paper else []
         for name in names:
             variant = by_name[name]
             console.print(f"{variant.label}: {self.out / name}", soft_wrap=True)

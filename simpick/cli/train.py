@@ -72,6 +72,8 @@ class Train:
     """Tell the network the templates' poses."""
     matching: bool = True
     """Match descriptors, where the size does (paper does not)."""
+    flow: bool = True
+    """Correct the matched pose by flow, where the size and the other switches let it."""
     template_views: Literal["random", "fixed"] = "random"
     """Whether coarse templates are drawn anew for every query."""
     spread_deg: float | None = None
@@ -139,6 +141,7 @@ class Train:
             multiview=self.multiview,
             template_pose=self.template_pose,
             matching=base.matching and self.matching,
+            flow=base.flow and self.flow and self.matching and self.template_pose,
             template_views=self.template_views,
             spread_deg=180.0 if self.mode == "coarse" else _or(self.spread_deg, base.spread_deg),
             spread_m=_or(self.spread_m, base.spread_m),

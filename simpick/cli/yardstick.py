@@ -28,6 +28,8 @@ class Yardstick:
     """Ask for this many hypotheses instead of the estimator's own number; more take longer. The oracle has none."""
     iterations: int | None = None
     """Of coarse and fine: how often they take templates around their own estimate, instead of their own number."""
+    steps: int | None = None
+    """Of coarse and fine: denoising steps of an answer, instead of their own number."""
     workers: int = 1
     """Bins to work on at the same time, each in a process of its own; times of estimates suffer from it."""
     out: Path | None = None
@@ -43,6 +45,7 @@ class Yardstick:
 
         from simpick.assets.library import get_part
         from simpick.errors import ConfigError
+        from simpick.evaluation.perceptions import Effort
         from simpick.evaluation.pose_sources import make_source
         from simpick.evaluation.yardstick import yardstick_bins
         from simpick.evaluation.yardstick_gains import gains, gains_table
@@ -60,13 +63,15 @@ class Yardstick:
             raise ConfigError("name one estimator or more, such as: simpick yardstick oracle retrieval")
         if self.workers < 1:
             raise ConfigError(f"workers must be 1 or more, got {self.workers}")
+        effort = Effort(self.iterations, self.steps)
         # Before any bin is made or file is written, so that a wrong name costs nothing.
         for estimator in self.estimators:
-            make_source(estimator, get_part, self.hypotheses, self.iterations)
+            make_source(estimator, get_part, self.hypotheses, effort)
         settings = {
             "workers": self.workers,
             "hypotheses_asked_for": self.hypotheses,
             "iterations_asked_for": self.iterations,
+            "steps_asked_for": self.steps,
         }
         store = None if self.out is None else YardstickStore(self.out, settings, overwrite=self.overwrite)
         console = Console()
@@ -81,7 +86,7 @@ class Yardstick:
                 noises=self.noise,
                 bins=self.bins,
                 hypotheses=self.hypotheses,
-                iterations=self.iterations,
+                effort=effort,
                 workers=self.workers,
                 console=console,
             )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cache, partial
 from importlib.metadata import entry_points
 from typing import Literal
@@ -23,6 +25,20 @@ ENTRY_POINT_GROUP = "simpick.estimators"
 """Where another package registers its estimator: a callable without arguments that returns a `PoseEstimator`."""
 
 
+@dataclass(frozen=True)
+class Effort:
+    """How much work ``coarse`` and ``fine`` do; None is their own number."""
+
+    iterations: int | None = None
+    """How often they take templates around their own estimate."""
+    steps: int | None = None
+    """Denoising steps of an answer."""
+
+    def __post_init__(self) -> None:
+        if self.steps is not None and self.steps < 1:
+            raise ConfigError(f"steps must be 1 or more, got {self.steps}")
+
+
 def _retrieval(hypotheses: int | None) -> PoseEstimator:
     # Only here, because it loads torch.
     from simpick.estimators.retrieval import RetrievalConfig, RetrievalEstimator
@@ -34,10 +50,13 @@ def _retrieval_refined(hypotheses: int | None) -> PoseEstimator:
     return _refine(_retrieval(hypotheses), "retrieval_refined")
 
 
-def _raypose(mode: Literal["coarse", "fine"], hypotheses: int | None, iterations: int | None = None) -> PoseEstimator:
+def _raypose(mode: Literal["coarse", "fine"], hypotheses: int | None, effort: Effort | None = None) -> PoseEstimator:
     from simpick.estimators.raypose import RayPoseEstimatorConfig, load_estimator
 
-    config = RayPoseEstimatorConfig(hypotheses=1 if hypotheses is None else hypotheses, iterations=iterations)
+    config = RayPoseEstimatorConfig(hypotheses=1 if hypotheses is None else hypotheses)
+    if effort is not None:
+        steps = effort.steps or config.steps
+        config = dataclasses.replace(config, iterations=effort.iterations, steps=steps)
     return load_estimator(mode, config)
 
 
@@ -66,19 +85,17 @@ def estimator_names() -> list[str]:
     return ["oracle", *SHIPPED, *(e.name for e in entry_points(group=ENTRY_POINT_GROUP))]
 
 
-def make_estimator(name: str, hypotheses: int | None = None, iterations: int | None = None) -> PoseEstimator:
+def make_estimator(name: str, hypotheses: int | None = None, effort: Effort | None = None) -> PoseEstimator:
     """Return a pose estimator that works from images alone, asked for this many hypotheses or for its own number.
-
-    `iterations`, of ``coarse`` and ``fine`` only, is how often they take templates around their own estimate.
 
     Raises:
         UnknownNameError: no estimator has this name; the message lists those that exist.
-        ConfigError: a number of hypotheses or iterations that the estimator does not take.
+        ConfigError: a number of hypotheses or an effort that the estimator does not take.
     """
-    if iterations is not None:
+    if effort is not None and effort != Effort():
         if name not in ("coarse", "fine"):
-            raise ConfigError(f"iterations are of coarse and fine; {name!r} has none. Leave them out")
-        return _raypose(name, hypotheses, iterations)
+            raise ConfigError(f"iterations and steps are of coarse and fine; {name!r} has none. Leave them out")
+        return _raypose(name, hypotheses, effort)
     if name in SHIPPED:
         return SHIPPED[name](hypotheses)
     for entry in entry_points(group=ENTRY_POINT_GROUP):

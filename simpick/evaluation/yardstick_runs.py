@@ -16,6 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from simpick.assets.library import get_part
 from simpick.errors import ConfigError
 from simpick.evaluation.best_of import best_of
+from simpick.evaluation.perceptions import Effort
 from simpick.evaluation.pose_evaluation import (
     ImageErrors,
     InstanceError,
@@ -146,7 +147,7 @@ def run_yardstick(
     noises: Sequence[str] = ("perfect", "realistic"),
     bins: int | None = None,
     hypotheses: int | None = None,
-    iterations: int | None = None,
+    effort: Effort | None = None,
     workers: int = 1,
     console: Console | None = None,
 ) -> YardstickResult:
@@ -155,19 +156,19 @@ def run_yardstick(
     Raises:
         UnknownNameError: no estimator or no preset of detections has this name.
         ConfigError: no preset is given, there are not so many bins, `workers` is not positive, or the estimator does
-            not take a number of hypotheses or iterations.
+            not take a number of hypotheses or an effort.
     """
     chosen = yardstick_bins(bins)
     if not noises:
         raise ConfigError("detections must be of one preset or more, such as perfect and realistic, got none")
     if workers < 1:
         raise ConfigError(f"workers must be 1 or more, got {workers}")
-    source = make_source(estimator, get_part, hypotheses, iterations)
+    source = make_source(estimator, get_part, hypotheses, effort)
     if workers == 1:
         with BinScorer(source, noises) as scorer:
             scores = _progress(map(scorer.score, chosen), estimator, len(chosen), console)
     else:
-        job = partial(_score, estimator, tuple(noises), hypotheses, iterations)
+        job = partial(_score, estimator, tuple(noises), hypotheses, effort)
         with _mapped(job, chosen, workers) as results:
             scores = _progress(results, estimator, len(chosen), console)
     return summarize_scores(estimator, chosen, noises, scores)
@@ -201,15 +202,15 @@ def _make_view(bin: YardstickBin) -> None:
 
 
 def _score(
-    estimator: str, noises: tuple[str, ...], hypotheses: int | None, iterations: int | None, bin: YardstickBin
+    estimator: str, noises: tuple[str, ...], hypotheses: int | None, effort: Effort | None, bin: YardstickBin
 ) -> BinScore:
-    return _scorer(estimator, noises, hypotheses, iterations).score(bin)
+    return _scorer(estimator, noises, hypotheses, effort).score(bin)
 
 
 @cache
-def _scorer(estimator: str, noises: tuple[str, ...], hypotheses: int | None, iterations: int | None) -> BinScorer:
+def _scorer(estimator: str, noises: tuple[str, ...], hypotheses: int | None, effort: Effort | None) -> BinScorer:
     """Return a worker's scorer, which lives as long as the worker and keeps what was onboarded."""
-    return BinScorer(make_source(estimator, get_part, hypotheses, iterations), noises)
+    return BinScorer(make_source(estimator, get_part, hypotheses, effort), noises)
 
 
 @contextmanager

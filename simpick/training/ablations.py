@@ -16,6 +16,7 @@ from typing import Any
 from simpick.caching import atomic_write_text
 from simpick.estimators.raypose.checkpoints import load_checkpoint
 from simpick.estimators.raypose.config import RayPoseConfig
+from simpick.estimators.raypose.model import RayPose
 from simpick.estimators.raypose.schedule import SCHEDULES, make_schedule
 from simpick.training.machine import Machine
 from simpick.training.shard_stream import ShardStream
@@ -25,6 +26,8 @@ from simpick.training.validation import Validation
 
 COMMON_SPREAD = {"spread_deg": 30.0, "spread_m": 0.05}
 """Templates that every variant is measured with beside its own: the paper's."""
+UNTRAINED = "untrained"
+"""Name of the row of no network."""
 SAMPLING_STEPS = (1, 3, 5, 10)
 """Denoising steps that schedules are compared at."""
 
@@ -50,9 +53,13 @@ COMPONENTS = (
     COARSE,
     Variant("absolute", "absolute pose", {**COMMON_SPREAD, "relative_pose": False}),
     Variant("single_view", "single view", {**COMMON_SPREAD, "multiview": False}),
-    Variant("no_template_pose", "without template pose", {**COMMON_SPREAD, "template_pose": False}),
+    Variant("no_template_pose", "without template pose", {**COMMON_SPREAD, "template_pose": False, "flow": False}),
+    Variant("no_flow", "without flow", {**COMMON_SPREAD, "flow": False}),
+    Variant(
+        "no_matching", "without matching and flow (as the paper)", {**COMMON_SPREAD, "matching": False, "flow": False}
+    ),
 )
-"""Table 2 of the paper."""
+"""Table 2 of the paper, and what matching and flow bring, which are not in the paper."""
 TEMPLATES = (
     COARSE,
     Variant("coarse_fixed", "coarse, fixed templates", {"spread_deg": 180.0, "template_views": "fixed"}),
@@ -110,6 +117,17 @@ def measure(ablation: Ablation, variant: Variant) -> dict[str, Any]:
     return {"name": variant.name, "label": variant.label, "queries": checkpoint.card["queries"], **rows}
 
 
+def measure_untrained(ablation: Ablation) -> dict[str, Any]:
+    """Return what no training gives, as `measure` does: the mean of those of the templates' poses that agree."""
+    # Without matching, a new network's first answer is that a query stands as its templates do.
+    fields = {**COMMON_SPREAD, "matching": False, "flow": False, "relative_pose": True}
+    network = dataclasses.replace(ablation.network, **fields)
+    schedule = make_schedule(ablation.training.schedule)
+    figures = _validation(ablation, network).measure(RayPose(network), schedule)
+    label = "no training: the templates' mean"
+    return {"name": UNTRAINED, "label": label, "queries": 0, "own": figures, "common": figures}
+
+
 def measure_steps(ablation: Ablation, variant: Variant) -> list[dict[str, Any]]:
     """Return held-out figures for each number of denoising steps, with milliseconds a query."""
     checkpoint = load_checkpoint(ablation.folder / variant.name / "weights.safetensors")
@@ -129,8 +147,9 @@ def tables(results: Sequence[Mapping[str, Any]]) -> str:
     """Return both tables of the paper, for our data, as Markdown."""
     by_name = {result["name"]: result for result in results}
     parts = []
+    untrained = [by_name[UNTRAINED]] if UNTRAINED in by_name else []
     for title, variants in (("Components (table 2)", COMPONENTS), ("Templates in training (table 3)", TEMPLATES)):
-        rows = [by_name[variant.name] for variant in variants if variant.name in by_name]
+        rows = untrained + [by_name[variant.name] for variant in variants if variant.name in by_name]
         parts.append(f"## {title}\n\n{_table(rows)}")
     return (
         "# Ablations\n\nSampled poses of held-out random parts: median rotation error, shares below 5, 15 and 30 deg, "
@@ -177,7 +196,7 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> str:
     lines += [
         f"| {row['label']} | {row['queries']} | {kind} | {_figures(row[kind])} |"
         for row in rows
-        for kind in ("own", "common")
+        for kind in (("common",) if row["name"] == UNTRAINED else ("own", "common"))
     ]
     return "\n".join(lines) + "\n"
 

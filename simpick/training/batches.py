@@ -14,7 +14,6 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from simpick.estimators.raypose.config import RayPoseConfig
-from simpick.estimators.raypose.model import QueryInputs, TemplateInputs
 from simpick.estimators.raypose.pose_maps import ViewPoses
 from simpick.estimators.raypose.recrops import Recrops, aim_recrops, sample_recrops
 from simpick.estimators.raypose.template_choice import (
@@ -24,6 +23,7 @@ from simpick.estimators.raypose.template_choice import (
     view_angles,
 )
 from simpick.estimators.raypose.template_crops import TemplateCrops, collate, crop_templates
+from simpick.estimators.raypose.tokens import QueryInputs, TemplateInputs
 from simpick.geometry import invert, so3_exp, transform, turned_boxes
 from simpick.training.augmentation import AugmentationConfig, jitter_boxes, perturb_mask
 from simpick.training.shard import Shard
@@ -47,8 +47,8 @@ class TrainingBatch:
     """Of the queries; leading dimensions (batch, 1). Of equivalent poses the one closest to the templates."""
     points: Float[Tensor, "batch cells 3"]
     """Mean position in the part's frame of what each query cell shows, in diameters."""
-    seen: Bool[Tensor, "batch cells"]
-    """Whether a query cell shows the part."""
+    coverage: Float[Tensor, "batch cells"]
+    """Share of each query cell that shows the part. Cells are those of `RayPoseConfig.geometry_cells`."""
     Ts_crop_part: Float[np.ndarray, "batch 4 4"]
     rows: tuple[tuple[int, int], ...]
     """Shard and query within it of each row."""
@@ -83,7 +83,7 @@ def make_batch(
         torch.from_numpy(np.concatenate([first[k] + part.sets for k, part in enumerate(parts)])),
         ViewPoses.of(torch.tensor(Ts, dtype=torch.float32)[:, None], half_tangent[:, None]),
         torch.cat([p.points for p in parts]),
-        torch.cat([p.seen for p in parts]),
+        torch.cat([p.coverage for p in parts]),
         Ts,
         tuple((k, int(row)) for k, rows in enumerate(queries) for row in rows),
     )
@@ -95,7 +95,7 @@ class _PartBatch:
     masks: Float[Tensor, "n size size"]
     half_tangent: Float[Tensor, "n"]
     points: Float[Tensor, "n cells 3"]
-    seen: Bool[Tensor, "n cells"]
+    coverage: Float[Tensor, "n cells"]
     Ts_crop_part: Float[np.ndarray, "n 4 4"]
     templates: list[TemplateCrops]
     sets: Int[np.ndarray, "n"]
@@ -117,7 +117,7 @@ def _part_batch(
     boxes = jitter_boxes(turned_boxes(masks, angles[:, None])[:, 0], augmentation, rng)
     recrops = aim_recrops(shard.crop_px, shard.focal_px[rows], angles, boxes, config.crop_px, padding=config.padding)
     Ts = transform(recrops.Rs_crop_source) @ shard.Ts_crop_part[rows]
-    sampled, points_m, seen = _sample(shard, rows, masks, recrops, config)
+    sampled, points_m, coverage = _sample(shard, rows, masks, recrops, config)
     gain = torch.tensor(1 + augmentation.brightness * rng.uniform(-1, 1, len(rows)), dtype=torch.float32)
     rgb = (sampled[:, :3] * gain[:, None, None, None]).clamp(0, 1)
     # Of equivalent poses, those that are nearest to one another are told.
@@ -132,7 +132,7 @@ def _part_batch(
         sampled[:, 3],
         torch.tensor(recrops.half_tangent, dtype=torch.float32),
         _in_part(points_m, truths) / shard.diameter_m,
-        seen,
+        coverage,
         truths,
         templates,
         np.arange(len(rows)) if shared is None else np.zeros(len(rows), int),
@@ -145,8 +145,8 @@ def _sample(
     masks: Bool[np.ndarray, "n size size"],
     recrops: Recrops,
     config: RayPoseConfig,
-) -> tuple[Float[Tensor, "n 4 crop crop"], Float[Tensor, "n cells 3"], Bool[Tensor, "n cells"]]:
-    """Return colour and mask of the crops, and for each cell the mean surface point in the crop's frame (m)."""
+) -> tuple[Float[Tensor, "n 4 crop crop"], Float[Tensor, "n cells 3"], Float[Tensor, "n cells"]]:
+    """Return colour and mask of the crops, and each cell's mean surface point in the crop's frame (m) and coverage."""
     size, focal = shard.crop_px, shard.focal_px[rows]
     rgb = torch.from_numpy(shard.rgb[rows]).permute(0, 3, 1, 2).float() / 255
     mask = torch.from_numpy(masks)[:, None].float()
@@ -160,10 +160,10 @@ def _sample(
     points = torch.cat([rays, torch.ones_like(rays[:, :1])], dim=1) * depth[:, None]  # (n, 3, size, size)
     sampled = sample_recrops(torch.cat([rgb, mask], dim=1), focal, recrops)
     geometry = sample_recrops(torch.cat([true_mask, points * true_mask], dim=1), focal, recrops.halved())
-    cells = F.adaptive_avg_pool2d(geometry, config.local_cells).flatten(2).mT  # (n, cells, 4)
+    cells = F.adaptive_avg_pool2d(geometry, config.geometry_cells).flatten(2).mT  # (n, cells, 4)
     mean = cells[..., 1:] / cells[..., :1].clamp_min(1e-6)
     R = torch.tensor(recrops.Rs_crop_source, dtype=torch.float32)
-    return sampled, torch.einsum("nij,ncj->nci", R, mean), cells[..., 0] > 0.5
+    return sampled, torch.einsum("nij,ncj->nci", R, mean), cells[..., 0]
 
 
 def _in_part(

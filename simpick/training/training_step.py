@@ -7,12 +7,14 @@ from jaxtyping import Float
 from torch import Tensor
 
 from simpick.estimators.raypose import losses
-from simpick.estimators.raypose.matching import MIN_COVERAGE, Matches
-from simpick.estimators.raypose.model import RayPose, TemplateTokens
+from simpick.estimators.raypose.matching import MIN_COVERAGE
+from simpick.estimators.raypose.model import RayPose, halved_geometry
 from simpick.estimators.raypose.objective import add_noise
 from simpick.estimators.raypose.pose_maps import encode_pose_maps
 from simpick.estimators.raypose.schedule import Schedule
+from simpick.estimators.raypose.tokens import FirstPoses, TemplateTokens
 from simpick.training.batches import TrainingBatch
+from simpick.training.flow_targets import flow_terms
 
 
 def loss_terms(
@@ -29,42 +31,40 @@ def loss_terms(
     noise = torch.randn(target.shape, generator=generator).to(target.device)
     predicted = model.denoise(add_noise(target, noise, log_snr), log_snr, conditioning).float()
     terms = losses.pose_map_losses(predicted, target, batch.truth, conditioning.reference, config.padding)
-    if conditioning.matches is not None:
-        terms |= _matching(model, batch, templates, conditioning.matches, conditioning.first)
+    if conditioning.matched is not None:
+        terms |= _matching(model, batch, templates, conditioning.matched)
     return terms
 
 
 def matching_terms(model: RayPose, batch: TrainingBatch) -> dict[str, Float[Tensor, ""]]:
-    """Return only the terms of matching and of the pose solved from it, without fuser and decoder."""
+    """Return only the terms of matching and flow and of the poses solved from them, without fuser and decoder."""
     query = model.encode_query(batch.query)
     templates = model.encode_templates(batch.templates).for_queries(batch.sets)
-    matches, first = model.first_maps(query, templates)
-    return _matching(model, batch, templates, matches, first)
+    return _matching(model, batch, templates, model.first_poses(query, templates))
 
 
 def _matching(
-    model: RayPose,
-    batch: TrainingBatch,
-    templates: TemplateTokens,
-    matches: Matches,
-    first: Float[Tensor, "groups views tokens 6"],
+    model: RayPose, batch: TrainingBatch, templates: TemplateTokens, first: FirstPoses
 ) -> dict[str, Float[Tensor, ""]]:
-    reference = model.reference(templates)
+    config, reference, matches = model.config, model.reference(templates), first.matches
     points, covered = templates.points, templates.coverage >= MIN_COVERAGE
-    query_points, seen = batch.points, batch.seen
-    if model.config.multiview:
+    query_points, coverage = batch.points, batch.coverage
+    if config.flow:
+        query_points, coverage = halved_geometry(query_points, coverage)
+    seen = coverage > 0.5
+    if config.multiview:
         points, covered = points.flatten(1, 2), covered.flatten(1, 2)
     else:
         views = points.shape[1]
         points, covered = points.flatten(0, 1), covered.flatten(0, 1)
         query_points, seen = query_points.repeat_interleave(views, 0), seen.repeat_interleave(views, 0)
-    config = model.config
     target = encode_pose_maps(batch.truth, reference, config.map_cells, config.padding)
-    log_probabilities, maps = matches.log_probabilities.float(), first.reshape(target.shape).float()
-    return {
-        "matching": losses.matching(log_probabilities, query_points, seen, points, covered),
+    maps = model.maps_of(first.solved, templates).reshape(target.shape).float()
+    terms = {
+        "matching": losses.matching(matches.log_probabilities.float(), query_points, seen, points, covered),
         "matched_points": losses.matched_points(matches.points.float(), query_points, seen),
         "first": losses.ray_reconstruction(maps[..., :3], target[..., :3])
         + losses.translation_reconstruction(maps[..., 3:], target[..., 3:])
         + losses.translation_xyz(maps[..., 3:], batch.truth, reference, config.padding),
     }
+    return terms if first.flow is None else terms | flow_terms(model, batch, first.flow)

@@ -8,8 +8,9 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
+from simpick.estimators.raypose.combining import combine_views
 from simpick.estimators.raypose.config import RayPoseConfig
-from simpick.estimators.raypose.inference import combine_views, sample_views
+from simpick.estimators.raypose.inference import sample_views
 from simpick.estimators.raypose.model import RayPose
 from simpick.estimators.raypose.schedule import Schedule
 from simpick.training.augmentation import AugmentationConfig

@@ -1,5 +1,6 @@
 """A shard small enough to be made in a second or two, made once."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -47,3 +48,9 @@ def tiny_shards(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def tiny_shard() -> Shard:
     return make_shard(TINY, 0, split="train")
+
+
+@pytest.fixture(scope="session")
+def shard() -> Shard:
+    """With enough views that templates can be near to any pose."""
+    return make_shard(replace(TINY, templates=TemplateConfig(views=162, size_px=48)), 0, split="train")

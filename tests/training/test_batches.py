@@ -10,26 +10,17 @@ import torch
 from simpick.estimators.raypose.config import RayPoseConfig, preset
 from simpick.estimators.raypose.template_choice import align_turns, view_angles
 from simpick.geometry import SymmetryGroup, rotation_angle, transform_points
-from simpick.rendering import TemplateConfig
 from simpick.training.augmentation import AugmentationConfig, perturb_mask
 from simpick.training.batches import TrainingBatch, make_batch
 from simpick.training.data_order import draw_shards, step_rng, window_at
 from simpick.training.shard import Shard
-from simpick.training.shard_factory import make_shard
 from simpick.training.train_config import TrainConfig
-from tests.training.conftest import TINY
 
 pytestmark = pytest.mark.render
 
 FINE = replace(preset("tiny"), templates=6, spread_deg=30.0)
 COARSE = replace(FINE, spread_deg=180.0)
 PLAIN = AugmentationConfig(turn=False, box_jitter=0.0, ragged_share=0.0, hidden_share=0.0, brightness=0.0)
-
-
-@pytest.fixture(scope="module")
-def shard() -> Shard:
-    """With enough views that templates can be near to any pose."""
-    return make_shard(replace(TINY, templates=TemplateConfig(views=162, size_px=48)), 0, split="train")
 
 
 @pytest.fixture(scope="module")
@@ -54,11 +45,11 @@ def equal(a: TrainingBatch, b: TrainingBatch) -> bool:
 def test_what_a_cell_shows_lies_in_that_cell(network: RayPoseConfig, kind: str, request) -> None:
     shard = request.getfixturevalue(kind)
     batch = batch_of(shard, network, seed=3)
-    cells = network.local_cells
+    cells = network.geometry_cells
     centres = (np.stack(np.meshgrid(*[np.arange(cells)] * 2), axis=-1).reshape(-1, 2) + 0.5) * 2 / cells - 1
     misses, count = [], 0
     for k, T in enumerate(batch.Ts_crop_part):
-        seen = batch.seen[k].numpy()
+        seen = batch.coverage[k].numpy() > 0.5
         in_part_m = batch.points[k].double().numpy()[seen] * shard.diameter_m
         points_m = transform_points(T, in_part_m)
         assert (np.linalg.norm(in_part_m, axis=-1) < shard.diameter_m).all()

@@ -5,11 +5,18 @@ import dataclasses
 import torch
 
 from simpick.estimators.raypose.config import RayPoseConfig, preset
-from simpick.estimators.raypose.model import Conditioning, QueryInputs, RayPose, TemplateInputs
+from simpick.estimators.raypose.model import RayPose
 from simpick.estimators.raypose.pose_maps import ViewPoses
+from simpick.estimators.raypose.tokens import Conditioning, QueryInputs, TemplateInputs
 from simpick.geometry.torch_rotations import random_rotations
 
 TINY = dataclasses.replace(preset("tiny"), templates=3)
+
+
+def without(switch: str, config: RayPoseConfig = TINY) -> RayPoseConfig:
+    """Return the configuration with a switch off, and flow with it where that needs it."""
+    flow = config.flow and switch not in ("flow", "matching", "template_pose")
+    return dataclasses.replace(config, **{switch: False, "flow": flow})
 
 
 def awake(config: RayPoseConfig = TINY, seed: int = 0) -> RayPose:
@@ -44,7 +51,7 @@ def random_templates(batch: int, config: RayPoseConfig = TINY, seed: int = 2) ->
     size, shape = config.crop_px, (batch, config.templates)
     masks = torch.zeros(*shape, size, size)
     masks[:, :, size // 4 : -size // 4, size // 8 : -size // 8] = 1.0
-    cells = config.local_cells**2
+    cells = config.geometry_cells**2
     points = torch.rand((*shape, cells, 3), generator=generator) - 0.5
     return TemplateInputs(
         torch.rand((*shape, 3, size, size), generator=generator),

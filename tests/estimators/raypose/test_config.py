@@ -45,10 +45,13 @@ CHANGES: dict[str, tuple[dict[str, Any], Callable[[RayPoseConfig], Any]]] = {
     "decoder_blocks": ({"decoder_blocks": 2}, parameter_shapes),
     "fourier_bands": ({"fourier_bands": 2}, parameter_shapes),
     "templates": ({"templates": 4}, parameter_shapes),
-    "matching": ({"matching": False}, answer),
+    "matching": ({"matching": False, "flow": False}, answer),
+    "flow": ({"flow": False}, answer),
+    "flow_width": ({"flow_width": 8}, parameter_shapes),
+    "flow_radius": ({"flow_radius": 3}, parameter_shapes),
     "relative_pose": ({"relative_pose": False}, answer),
     "multiview": ({"multiview": False}, answer),
-    "template_pose": ({"template_pose": False}, answer),
+    "template_pose": ({"template_pose": False, "flow": False}, answer),
 }
 # DINOv2 has tests of its own; which templates are drawn is decided in training batches.
 ELSEWHERE = {"image_encoder", "template_views", "spread_deg", "spread_m"}

@@ -20,6 +20,7 @@ from simpick.estimators.raypose.model import RayPose
 needs_timm = pytest.mark.skipif(find_spec("timm") is None, reason="timm (the extra dinov2) is not installed")
 
 CONFIG = RayPoseConfig(
+    flow=False,
     image_encoder="dinov2_vits14",
     crop_px=56,
     local_cells=4,
@@ -49,7 +50,7 @@ def images() -> tuple[torch.Tensor, torch.Tensor]:
 def test_features_are_the_patches_row_by_row(images) -> None:
     rgb, masks = images
     encoder = DinoEncoder(tiny_vit(0))
-    features = encoder(rgb, masks)
+    features = encoder(rgb, masks).cells
     assert features.shape == (3, 24, 4, 4)
     mean, std = torch.tensor([0.485, 0.456, 0.406]), torch.tensor([0.229, 0.224, 0.225])
     normalised = ((rgb * masks[:, None]).movedim(1, -1) - mean) / std
@@ -62,7 +63,7 @@ def test_what_is_beside_the_part_does_not_matter(images) -> None:
     rgb, masks = images
     encoder = DinoEncoder(tiny_vit(0))
     elsewhere = torch.where(masks[:, None] > 0, rgb, 1 - rgb)
-    torch.testing.assert_close(encoder(elsewhere, masks), encoder(rgb, masks))
+    torch.testing.assert_close(encoder(elsewhere, masks).cells, encoder(rgb, masks).cells)
 
 
 @needs_timm
@@ -70,7 +71,7 @@ def test_it_is_frozen_and_stays_in_evaluation_mode(images) -> None:
     encoder = DinoEncoder(tiny_vit(0)).train()
     assert not encoder.vit.training
     assert not any(p.requires_grad for p in encoder.parameters())
-    assert not encoder(*images).requires_grad
+    assert not encoder(*images).cells.requires_grad
 
 
 @needs_timm
@@ -81,9 +82,9 @@ def test_weights_come_from_a_local_file(tmp_path: Path, images, suffix: str) -> 
     # Meta's files hold the mask token of pre-training too.
     tensors = source.vit.state_dict() | {"mask_token": torch.zeros(1, 24)}
     save_file(tensors, path) if suffix == ".safetensors" else torch.save(tensors, path)
-    assert not torch.allclose(source(*images), target(*images))
+    assert not torch.allclose(source(*images).cells, target(*images).cells)
     load_dino_weights(target, path)
-    torch.testing.assert_close(source(*images), target(*images), rtol=0, atol=0)
+    torch.testing.assert_close(source(*images).cells, target(*images).cells, rtol=0, atol=0)
 
 
 @needs_timm
@@ -173,7 +174,7 @@ def test_checkpoints_leave_dino_out_and_ask_for_it(tmp_path: Path, images, monke
         load_checkpoint(tmp_path / "model.safetensors")
     monkeypatch.setattr(dino_encoder, "make_dino_encoder", lambda config: DinoEncoder(tiny_vit(4)))
     loaded = load_checkpoint(tmp_path / "model.safetensors", dino_weights=tmp_path / "vit.safetensors").model
-    torch.testing.assert_close(loaded.image_encoder(*images), model.image_encoder(*images), rtol=0, atol=0)
+    torch.testing.assert_close(loaded.image_encoder(*images).cells, model.image_encoder(*images).cells, rtol=0, atol=0)
 
 
 def test_an_encoder_that_is_trained_takes_no_dino(tmp_path: Path) -> None:

@@ -122,8 +122,9 @@ def test_orientation_channels_see_edges_and_not_brightness_or_surroundings() -> 
 
 def test_an_empty_mask_gives_finite_features() -> None:
     features = SimpickEncoder(24)(torch.rand(2, 3, 48, 48), torch.zeros(2, 48, 48))
-    assert features.shape == (2, 24, 6, 6)
-    assert features.isfinite().all()
+    assert features.narrow is not None
+    assert (features.cells.shape, features.narrow.shape) == ((2, 24, 6, 6), (2, 16, 12, 12))
+    assert features.cells.isfinite().all() and features.narrow.isfinite().all()
 
 
 def test_matches_are_the_softmax_of_cosines_over_covered_cells() -> None:

@@ -10,7 +10,7 @@ from simpick.errors import ConfigError
 from simpick.estimators.raypose import losses
 from simpick.estimators.raypose.losses import LossWeights
 from simpick.estimators.raypose.pose_maps import canonical_rays, decode_pose_maps, encode_pose_maps, encode_rotation
-from simpick.geometry.torch_rotations import random_rotations
+from simpick.geometry.torch_rotations import random_rotations, so3_exp
 from tests.estimators.raypose.networks import random_views
 
 
@@ -110,8 +110,9 @@ def test_matching_leaves_out_what_no_template_shows_and_what_is_no_part() -> Non
 def test_the_overall_loss_weighs_every_term() -> None:
     names = [field.name for field in dataclasses.fields(LossWeights)]
     terms = {name: torch.tensor(float(k + 1)) for k, name in enumerate(names)}
-    weights = LossWeights(**{name: 10.0**k for k, name in enumerate(names)})
-    assert losses.weighted_sum(terms, weights).item() == pytest.approx(87654321, rel=1e-6)
+    weights = LossWeights(**{name: 2.0**k for k, name in enumerate(names)})
+    expected = sum((k + 1) * 2.0**k for k in range(len(names)))
+    assert losses.weighted_sum(terms, weights).item() == pytest.approx(expected, rel=1e-6)
 
 
 def test_true_maps_cost_nothing_and_terms_have_the_weights_names() -> None:
@@ -119,7 +120,8 @@ def test_true_maps_cost_nothing_and_terms_have_the_weights_names() -> None:
     query, reference = random_views((3, 1), g), random_views((3, 2), g)
     maps = encode_pose_maps(query, reference, 4, 1.2)
     terms = losses.pose_map_losses(maps, maps, query, reference, 1.2)
-    assert {*terms, "matching", "matched_points", "first"} == {field.name for field in dataclasses.fields(LossWeights)}
+    others = {"matching", "matched_points", "first", "flow_matching", "flow_offset", "flow_pose"}
+    assert {*terms} | others == {field.name for field in dataclasses.fields(LossWeights)}
     assert all(value.item() < 1e-5 for value in terms.values())
     wrong = losses.pose_map_losses(maps.roll(1, 0), maps, query, reference, 1.2)
     assert all(wrong[name].item() > 1e-3 for name in terms if name != "ray_consistency")
@@ -139,3 +141,34 @@ def test_matched_points_are_as_far_off_as_they_are_and_far_ones_count_no_further
     expected = (0.15 * math.tanh(0.05 / 0.15) + 0.15) / 2
     assert losses.matched_points(points, truth, seen).item() == pytest.approx(expected, rel=1e-4)
     assert losses.matched_points(points, truth, ~seen & seen).item() == 0
+
+
+def test_flow_costs_the_cross_entropy_to_a_normal_distribution_around_the_true_offset() -> None:
+    offsets = torch.tensor([[-0.1, 0.0], [0.0, 0.0], [0.1, 0.0]])
+    log_p = torch.log(torch.tensor([[[0.2, 0.5, 0.3], [1 / 3, 1 / 3, 1 / 3]]]))
+    wanted, first = torch.tensor([[[0.1, 0.0], [5.0, 5.0]]]), torch.tensor([[True, False]])
+    # Cells 0.1 wide, so offsets are 2, 1 and 0 cells from what is wanted; 0.6 cells of standard deviation.
+    target = torch.tensor([math.exp(-4 / 0.72), math.exp(-1 / 0.72), 1.0])
+    target = target / target.sum()
+    expected = -(target * torch.log(torch.tensor([0.2, 0.5, 0.3]))).sum().item()
+    assert losses.flow_matching(log_p, offsets, wanted, first, 0.1).item() == pytest.approx(expected, rel=1e-5)
+    assert losses.flow_matching(log_p, offsets, wanted, ~first & False, 0.1).item() == 0
+
+
+def test_flow_offsets_are_as_many_cells_off_as_they_are_and_far_ones_count_no_further() -> None:
+    wanted = torch.tensor([[[0.0, 0.0], [0.3, 0.4], [9.0, 9.0], [7.0, 7.0]]])
+    valid = torch.tensor([[True, True, True, False]])
+    assert losses.flow_offset(torch.zeros(1, 4, 2), wanted, valid, 0.25).item() == pytest.approx((0 + 2 + 4) / 3)
+
+
+def test_a_flow_pose_costs_turn_shift_and_size() -> None:
+    g = torch.Generator().manual_seed(0)
+    R, turn = random_rotations((1,), g), so3_exp(torch.tensor([[0.0, 0.1, 0.0]]))
+    centre, log_scale = torch.tensor([[0.1, -0.2]]), torch.tensor([0.3])
+    same = losses.flow_pose(R, centre, log_scale, R, centre, log_scale).item()
+    assert same < 1e-5
+    found = losses.flow_pose(turn @ R, centre + torch.tensor([0.02, -0.01]), log_scale - 0.05, R, centre, log_scale)
+    chord = 2 * math.sqrt(2) * math.sin(0.05)
+    assert found.item() == pytest.approx(0.3 * math.tanh(chord / 0.3) + 2 * 0.03 + 2 * 0.05, rel=1e-3)
+    far = losses.flow_pose(turn @ turn @ turn @ R, centre + 5, log_scale + 5, R, centre, log_scale).item()
+    assert far < 0.3 + 2 * 0.6 + 2 * 0.3

@@ -5,8 +5,9 @@ import dataclasses
 import pytest
 import torch
 
-from simpick.estimators.raypose.inference import agreement, combine_views, sample_views
-from simpick.estimators.raypose.model import RayPose
+from simpick.estimators.raypose.combining import agreement, combine_views
+from simpick.estimators.raypose.inference import sample_views
+from simpick.estimators.raypose.model import RayPose, halved_geometry
 from simpick.estimators.raypose.pose_maps import ViewPoses
 from simpick.estimators.raypose.schedule import make_schedule
 from simpick.geometry.torch_rotations import project_to_so3, random_rotations, so3_exp
@@ -19,10 +20,11 @@ from tests.estimators.raypose.networks import (
     random_templates,
     random_views,
     rows_of,
+    without,
 )
 
-SWITCHES = ("matching", "relative_pose", "multiview", "template_pose")
-CONFIGS = [TINY, *(dataclasses.replace(TINY, **{switch: False}) for switch in SWITCHES)]
+SWITCHES = ("matching", "flow", "relative_pose", "multiview", "template_pose")
+CONFIGS = [TINY, *(without(switch) for switch in SWITCHES)]
 each_ablation = pytest.mark.parametrize("config", CONFIGS, ids=["whole", *(f"no {s}" for s in SWITCHES)])
 ONE = slice(1, 2)
 
@@ -44,7 +46,7 @@ def changed(templates, view: int, **fields: torch.Tensor):
 
 @each_ablation
 def test_an_answer_does_not_depend_on_the_other_queries(config) -> None:
-    model, query, templates, maps = awake(config), random_query(3), random_templates(3), noisy_maps(3)
+    model, query, templates, maps = awake(config), random_query(3), random_templates(3, config), noisy_maps(3)
     together = denoised(model, query, templates, maps, [1.0, -2.0, -7.0])
     alone = denoised(model, rows_of(query, ONE), rows_of(templates, ONE), maps[ONE])
     assert together.shape == maps.shape
@@ -60,7 +62,7 @@ def test_an_answer_does_not_depend_on_the_other_queries(config) -> None:
 @each_ablation
 def test_gradients_reach_what_a_configuration_uses(config) -> None:
     model, maps = awake(config), noisy_maps(2)
-    out = model.denoise(maps, torch.tensor([0.0, -4.0]), condition(model, random_query(2), random_templates(2)))
+    out = model.denoise(maps, torch.tensor([0.0, -4.0]), condition(model, random_query(2), random_templates(2, config)))
     out.square().sum().backward()
     silent = {name.split(".")[0] for name, p in model.named_parameters() if p.grad is None or not p.grad.any()}
     matching_off = not (config.matching and config.template_pose)
@@ -73,7 +75,8 @@ def test_gradients_reach_what_a_configuration_uses(config) -> None:
 def test_a_new_network_answers_with_the_templates_poses() -> None:
     torch.manual_seed(0)
     # With matching, a new network answers with the pose solved from its matches.
-    model, templates = RayPose(dataclasses.replace(TINY, matching=False)).eval(), random_templates(2)
+    config = without("matching")
+    model, templates = RayPose(config).eval(), random_templates(2, config)
     with torch.inference_mode():
         views = sample_views(
             model, condition(model, random_query(2), templates), make_schedule(), 3, torch.Generator().manual_seed(0)
@@ -114,7 +117,7 @@ def test_single_view_hypotheses_depend_on_their_own_template_only(multiview: boo
 
 @each_ablation
 def test_noise_of_one_template_does_not_reach_anothers_hypothesis(config) -> None:
-    model, query, templates, maps = awake(config), random_query(2), random_templates(2), noisy_maps(2)
+    model, query, templates, maps = awake(config), random_query(2), random_templates(2, config), noisy_maps(2)
     moved = maps.clone()
     moved[:, 0] += 1
     difference = denoised(model, query, templates, moved) - denoised(model, query, templates, maps)
@@ -124,8 +127,8 @@ def test_noise_of_one_template_does_not_reach_anothers_hypothesis(config) -> Non
 
 @pytest.mark.parametrize("template_pose", [True, False])
 def test_without_template_poses_tokens_do_not_know_them(template_pose: bool) -> None:
-    model = awake(dataclasses.replace(TINY, template_pose=template_pose))
-    templates = random_templates(2)
+    config = TINY if template_pose else without("template_pose")
+    model, templates = awake(config), random_templates(2, config)
     others = dataclasses.replace(
         templates,
         poses=random_views((2, 3), torch.Generator().manual_seed(9)),
@@ -153,9 +156,9 @@ def test_absolute_poses_are_relative_to_the_same_view_for_all_templates() -> Non
 
 
 def test_without_matching_there_are_no_matches() -> None:
-    model = awake(dataclasses.replace(TINY, matching=False))
-    assert condition(model, random_query(1), random_templates(1)).matches is None
-    assert condition(awake(), random_query(1), random_templates(1)).matches is not None
+    config = without("matching")
+    assert condition(awake(config), random_query(1), random_templates(1, config)).matched is None
+    assert condition(awake(), random_query(1), random_templates(1)).matched is not None
 
 
 def test_patches_hold_the_cells_of_each_token() -> None:
@@ -215,3 +218,31 @@ def test_agreement_falls_with_the_angle_between_views() -> None:
         found.append(float(agreement(ViewPoses(R, torch.zeros(1, 2, 2), torch.ones(1, 2)))))
     assert found[0] == pytest.approx(1.0, abs=1e-3)
     assert found[0] > found[1] > found[2] > 0
+
+
+def test_geometry_on_half_as_many_cells_is_the_mean_over_what_is_covered() -> None:
+    points, coverage = torch.zeros(1, 16, 3), torch.zeros(1, 16)
+    # The upper left four cells of a 4 x 4 grid: one whole, one half covered.
+    points[0, 0], points[0, 1] = torch.tensor([1.0, 2.0, 3.0]), torch.tensor([4.0, 2.0, 0.0])
+    coverage[0, 0], coverage[0, 1] = 1.0, 0.5
+    points[0, 15], coverage[0, 15] = torch.tensor([7.0, 8.0, 9.0]), 0.2
+    half, covered = halved_geometry(points, coverage)
+    torch.testing.assert_close(half[0], torch.tensor([[2.0, 2, 2], [0, 0, 0], [0, 0, 0], [7, 8, 9]]))
+    torch.testing.assert_close(covered[0], torch.tensor([0.375, 0, 0, 0.05]))
+
+
+def test_flow_starts_from_the_matched_pose_and_is_every_views_answer() -> None:
+    query, templates = random_query(2), random_templates(2)
+    model = awake()
+    with torch.inference_mode():
+        first = condition(model, query, templates).matched
+    assert first is not None and first.flow is not None
+    # Two of three templates, each with all its cells.
+    assert first.flow.points.shape == (2, 2 * TINY.flow_cells**2, 3)
+    assert (first.poses.R[:, 0] == first.flow.pose.R[:, 0]).all()
+    assert (first.poses.R[:, :1] == first.poses.R).all()
+    assert (first.poses.R - first.solved.R).abs().max() > 1e-4
+    config = without("flow")
+    with torch.inference_mode():
+        plain = condition(awake(config), query, random_templates(2, config)).matched
+    assert plain is not None and plain.flow is None and plain.poses is plain.solved

@@ -82,9 +82,9 @@ def test_points_project_into_their_cells(crops: TemplateCrops) -> None:
         assert full.sum() > 10
         points = transform_points(T, crops.points_m[k].double().numpy()[full])
         seen = points[:, :2] / points[:, 2:] / crops.half_tangent[k]
-        axis = (np.arange(12) + 0.5) / 6 - 1
+        axis = (np.arange(24) + 0.5) / 12 - 1
         centres = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)[full]
-        # A slanted surface's mean lies a little off; a cell is 1/6 wide.
+        # A slanted surface's mean lies a little off; a cell is 1/12 wide.
         assert np.abs(seen - centres).max() < 0.02
 
 
@@ -96,7 +96,7 @@ def test_points_lie_on_the_part_and_uncovered_cells_have_none(crops: TemplateCro
     assert ((points > low - 1e-3) & (points < high + 1e-3)).all()
     assert (crops.points_m[~covered] == 0).all()
     torch.testing.assert_close(
-        crops.coverage, torch.nn.functional.adaptive_avg_pool2d(crops.masks[:, None], 12).flatten(1), atol=0.2, rtol=0
+        crops.coverage, torch.nn.functional.adaptive_avg_pool2d(crops.masks[:, None], 24).flatten(1), atol=0.2, rtol=0
     )
 
 
