@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from simpick.assets.user_parts import add_user_part as add_user_part
     from simpick.assets.user_parts import import_cad as import_cad
     from simpick.assets.user_parts import load_cad as load_cad
+    from simpick.assets.user_parts import remove_user_part as remove_user_part
 
 _HOME = {
     "get_part": "library",
@@ -35,6 +36,7 @@ _HOME = {
     "add_user_part": "user_parts",
     "import_cad": "user_parts",
     "load_cad": "user_parts",
+    "remove_user_part": "user_parts",
 }
 
 

@@ -19,7 +19,7 @@ from simpick.assets.part import Material, Part
 from simpick.assets.symmetry_detection import detect_symmetries
 from simpick.assets.units import Unit, choose_unit
 from simpick.caching import atomic_path, cache_dir, cache_key, read_npz
-from simpick.errors import ConfigError, MeshError, OutputError
+from simpick.errors import ConfigError, MeshError, OutputError, UnknownNameError
 from simpick.geometry.symmetry import ContinuousSymmetry, SymmetryGroup
 from simpick.geometry.transforms import transform
 
@@ -180,6 +180,37 @@ def add_user_part(
             "be written."
         ) from error
     return imported
+
+
+def remove_user_part(name: str) -> Path:
+    """Take a registered part out of the register, with its copy of the CAD file, and return the folder it lay in.
+
+    What was made of it, such as grasps and templates, stays in the cache and serves it again if it is added again.
+    Raises `ConfigError` for a library part, `UnknownNameError` if no part was registered under that name, and
+    `OutputError` if the folder cannot be written.
+    """
+    from simpick.assets.library import is_reserved_name
+
+    added = user_part_names()
+    if is_reserved_name(name):
+        raise ConfigError(
+            f"{name!r} comes with simpick and cannot be removed, only parts that you added can: "
+            f"{', '.join(added) or 'none so far'}"
+        )
+    if name not in added:
+        raise UnknownNameError("added part", name, added, "To see all parts: simpick parts list.")
+    folder = user_parts_dir() / name
+    try:
+        # Out of sight in one step, so that no other process reads half a part.
+        doomed = Path(tempfile.mkdtemp(prefix=f".{name}-", dir=user_parts_dir()))
+        folder.replace(doomed)
+        shutil.rmtree(doomed)
+    except OSError as error:
+        raise OutputError(
+            f"cannot remove {name!r} from {user_parts_dir()}: {error.strerror}. Make the folder writable, or delete "
+            f"{folder} by hand."
+        ) from error
+    return folder
 
 
 def load_user_part(name: str) -> Part:

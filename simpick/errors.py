@@ -35,7 +35,7 @@ class UnknownNameError(SimpickError, LookupError):
         self.kind, self.name, self.valid = kind, name, sorted(valid)
         alike = get_close_matches(name, self.valid, n=1)
         remedy = (f" {remedy}" if remedy else "") + (f" Did you mean {alike[0]!r}?" if alike else "")
-        super().__init__(f"no {kind} named {name!r}. Valid: {', '.join(self.valid)}.{remedy}")
+        super().__init__(f"no {kind} named {name!r}. Valid: {', '.join(self.valid) or 'none so far'}.{remedy}")
 
 
 class UnknownPartError(UnknownNameError):

@@ -39,7 +39,7 @@ class Compare:
         from simpick.errors import ConfigError, OutputError, SimpickError
         from simpick.evaluation.comparison import Comparison
         from simpick.evaluation.comparison_report import write_report
-        from simpick.evaluation.comparison_tables import differences_tables, modes_tables
+        from simpick.evaluation.comparison_tables import causes_table, differences_tables, modes_tables
         from simpick.evaluation.runs import check_workers
 
         check_workers(self.workers)
@@ -58,7 +58,8 @@ class Compare:
                     console.print(f"partial report: {write_report(comparison)}", soft_wrap=True)
             raise
         statistics = comparison.statistics()
-        for table in (*modes_tables(statistics), *differences_tables(statistics)):
+        causes = causes_table(comparison.failures())
+        for table in (*modes_tables(statistics), *differences_tables(statistics), causes):
             console.print(table)
         console.print(f"report: {write_report(comparison)}", soft_wrap=True)
         return 0

@@ -1,4 +1,4 @@
-"""``simpick parts``: list the parts that there are, look at them, add your own CAD."""
+"""``simpick parts``: list the parts that there are, look at them, add your own CAD, remove it again."""
 
 from __future__ import annotations
 
@@ -117,13 +117,33 @@ class PartsAdd:
 
 
 @dataclass(frozen=True)
+class PartsRemove:
+    """Remove a part that was added, with the copy of its CAD file; the file that it was added from stays.
+
+    Grasps, templates and the like that were made of it stay in the cache, and are used if it is added again.
+    """
+
+    name: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")]
+    """Name of a part that was added; library parts cannot be removed."""
+
+    def run(self) -> int:
+        """Remove the part and print where it lay."""
+        from simpick.assets import remove_user_part
+
+        folder = remove_user_part(self.name)
+        print(f"removed {self.name!r} with its copy of the CAD file in {folder}")
+        return 0
+
+
+@dataclass(frozen=True)
 class PartsCommand:
-    """List the parts that there are, look at them, add your own CAD."""
+    """List the parts that there are, look at them, add your own CAD, remove it again."""
 
     action: tyro.conf.OmitArgPrefixes[
         Annotated[PartsList, tyro.conf.subcommand(name="list", prefix_name=False)]
         | Annotated[PartsShow, tyro.conf.subcommand(name="show", prefix_name=False)]
         | Annotated[PartsAdd, tyro.conf.subcommand(name="add", prefix_name=False)]
+        | Annotated[PartsRemove, tyro.conf.subcommand(name="remove", prefix_name=False)]
     ]
     """What to do with parts."""
 

@@ -66,7 +66,9 @@ def summary_table(config: RunConfig, store):
     from simpick.evaluation.grasp_scores import score_grasps
 
     scores = score_grasps(store.results)
-    table = Table(title=f"{config.perception}, {config.gripper}, {config.detections} detections")
+    # A run with noise is told apart from others by how much of it there is, which the mode's name leaves out.
+    noise = f" ({config.noise_deg:g} deg, {config.noise_mm:g} mm)" if config.noise_deg or config.noise_mm else ""
+    table = Table(title=f"{config.mode}{noise}, {config.gripper}, {config.detections} detections")
     table.add_column("measure")
     table.add_column("value", justify="right")
     rows = {

@@ -12,12 +12,12 @@ from simpick.records import PoseEstimate
 
 
 def best_of(
-    estimates: Sequence[PoseEstimate], image: PoseImage, k: int, model_of: Callable[[str], PoseModel]
+    estimates: Sequence[PoseEstimate], image: PoseImage, k: int | None, model_of: Callable[[str], PoseModel]
 ) -> list[PoseEstimate]:
     """Return the estimates with that pose, of the first `k` hypotheses of each, that is turned least against the truth.
 
-    Over the part's symmetries; of equals, the first. Scores stay. Estimates without hypotheses, or of which nobody
-    knows which instance they are of, stay as they are.
+    With None for `k`, of all of them. Over the part's symmetries; of equals, the first. Scores stay. Estimates without
+    hypotheses, or of which nobody knows which instance they are of, stay as they are.
     """
     truths = {truth.instance: truth.T_camera_part for truth in image.truths}
     chosen = []

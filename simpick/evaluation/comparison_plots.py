@@ -14,7 +14,7 @@ from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
 from simpick.evaluation.comparison import Comparison
-from simpick.evaluation.failure_causes import FailureCause
+from simpick.evaluation.failure_causes import FailureCause, count_causes
 from simpick.evaluation.forgiveness import ERROR_EDGES, success_by_error
 from simpick.evaluation.grasp_scores import PERCEPTION_STAGES
 from simpick.evaluation.modes import parse_mode
@@ -172,9 +172,9 @@ def causes_plot(comparison: Comparison) -> str:
         axis = figure.subplots()
         for row, mode in enumerate(comparison.modes):
             looks = sum(len(result.picks) for result in paired[mode])
-            counts, left = Counter(failure.cause for failure in failures[mode]), 0.0
-            for cause, colour in zip(FailureCause, CAUSE_COLOURS, strict=True):
-                width = 100 * counts[cause] / max(looks, 1)
+            left = 0.0
+            for count, colour in zip(count_causes(failures[mode]).values(), CAUSE_COLOURS, strict=True):
+                width = 100 * count / max(looks, 1)
                 axis.barh(row, width, left=left, color=colour, height=0.62)
                 left += width
             axis.text(left, row, f"  {left:.0f}", va="center", fontsize=9)

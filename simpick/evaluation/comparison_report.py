@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import platform
 import shlex
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from html import escape
 from importlib.metadata import version
@@ -17,8 +16,8 @@ from simpick.caching import atomic_write_bytes, atomic_write_text
 from simpick.errors import OutputError
 from simpick.evaluation.comparison import Comparison
 from simpick.evaluation.comparison_plots import PLOTS, mode_colours
-from simpick.evaluation.comparison_tables import DIFFERENCES, heading, number
-from simpick.evaluation.failure_causes import FailureCause
+from simpick.evaluation.comparison_tables import DIFFERENCES, cause_cells, cause_headings, heading, number
+from simpick.evaluation.failure_causes import count_causes
 from simpick.evaluation.forgiveness import SuccessShare, success_by_pose
 from simpick.evaluation.grasp_scores import PERCEPTION_STAGES
 from simpick.evaluation.modes import parse_mode
@@ -109,10 +108,9 @@ def answer(comparison: Comparison, statistics: PairedStatistics) -> list[str]:
         if len(others) == 1 and others <= set(seeing) and not difference.measures["grasp_success"].excludes_zero:
             other = escape(others.pop())
             sentences.append(f"It is not told apart from {other} by grasp success: the interval includes zero.")
-    causes = Counter(failure.cause for failure in comparison.failures()[best])
-    if causes:
-        most, count = causes.most_common(1)[0]
-        total = sum(causes.values())
+    if failures := comparison.failures()[best]:
+        causes, total = count_causes(failures), len(failures)
+        most, count = max(causes.items(), key=lambda blamed: blamed[1])
         sentences.append(
             f"Of the {total} failed looks of {escape(best)}, {count} ({100 * count / total:.0f} %) are blamed on "
             f"<strong>{most.value}</strong>."
@@ -220,11 +218,10 @@ def _forgiveness(comparison: Comparison) -> str:
 def _causes(comparison: Comparison) -> str:
     rows = []
     for label, failures in zip(_mode_cells(comparison), comparison.failures().values(), strict=True):
-        counts = Counter(failure.cause for failure in failures)
         avoidable = [failure.oracle_delivered for failure in failures if failure.oracle_delivered is not None]
         share = f"{sum(avoidable)} of {len(avoidable)}" if avoidable else "-"
-        rows.append([label, *(str(counts[cause]) for cause in FailureCause), str(len(failures)), share])
-    return _table(["failed looks", *(cause.value for cause in FailureCause), "all", "oracle delivered that part"], rows)
+        rows.append([label, *cause_cells(failures), share])
+    return _table(["failed looks", *cause_headings(), "oracle delivered that part"], rows)
 
 
 def _recordings(comparison: Comparison) -> str:

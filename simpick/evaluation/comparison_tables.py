@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from rich.box import SIMPLE
 from rich.table import Table
 
+from simpick.evaluation.failure_causes import Failure, FailureCause, count_causes
 from simpick.evaluation.intervals import Interval
 from simpick.evaluation.paired import MEASURES, Measure, PairedStatistics
 
@@ -50,6 +51,28 @@ def differences_tables(statistics: PairedStatistics) -> list[Table]:
     shown = [measure for measure in MEASURES if measure.key in DIFFERENCES]
     title = "differences over the same bins; * where the 95 % interval excludes zero"
     return _tables(title, "modes", rows, shown, differences=True) if rows else []
+
+
+def causes_table(failures: Mapping[str, Sequence[Failure]]) -> Table:
+    """Return what each mode's failures are blamed on: a row for each mode, a column for each cause."""
+    # No padding and broken headings, so that the longest name, ``retrieval_refined@50+closer``, fits into 80 columns.
+    table = Table(box=SIMPLE, padding=0, pad_edge=False, title="failed looks of the same bins, by cause")
+    table.add_column("mode", overflow="fold")
+    for title in cause_headings():
+        table.add_column(title.replace(" ", "\n"), justify="right", no_wrap=True)
+    for mode, of_mode in failures.items():
+        table.add_row(mode, *cause_cells(of_mode))
+    return table
+
+
+def cause_headings() -> list[str]:
+    """Return the headings of `cause_cells`."""
+    return [*(cause.value for cause in FailureCause), "all"]
+
+
+def cause_cells(failures: Sequence[Failure]) -> list[str]:
+    """Return how many failures each cause is blamed for, and how many they are in all."""
+    return [*map(str, count_causes(failures).values()), str(len(failures))]
 
 
 def _tables(

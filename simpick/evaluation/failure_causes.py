@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -46,6 +47,12 @@ class Failure:
     cause: FailureCause
     oracle_delivered: bool | None
     """Whether the oracle delivered the part that this pick was aimed at, in the same bin; None if unknown."""
+
+
+def count_causes(failures: Iterable[Failure]) -> dict[FailureCause, int]:
+    """Return how many of these failures each cause is blamed for, also where it is none."""
+    counts = Counter(failure.cause for failure in failures)
+    return {cause: counts[cause] for cause in FailureCause}
 
 
 _BLAMED_OUTCOMES = {

@@ -32,7 +32,7 @@ from simpick.evaluation.worker_pool import spawned_pool
 from simpick.evaluation.yardstick import YardstickBin, fingerprint, load_view, view_path, yardstick_bins
 
 BEST_OF = (1, 5, 50)
-"""For how many hypotheses the best is told."""
+"""For how many hypotheses the best is told, besides for all that were offered."""
 
 _Result = TypeVar("_Result")
 
@@ -45,8 +45,8 @@ class BinScore:
     """Of the bin's view."""
     errors: dict[str, ImageErrors]
     """By the preset of the detections."""
-    best_of: dict[tuple[str, int], tuple[InstanceError, ...]]
-    """By preset and number of hypotheses."""
+    best_of: dict[tuple[str, int | None], tuple[InstanceError, ...]]
+    """By preset and number of hypotheses; None for all that each estimate came with."""
     hypotheses: int
     """The most that came with one estimate."""
     onboarding_s: dict[str, float]
@@ -83,7 +83,8 @@ class YardstickResult:
     by_bin: dict[str, tuple[BinFigures, ...]]
     """By the preset of the detections, in the order of `bins`: what differences between estimators are told from."""
     best_of: dict[tuple[str, int], PoseSummary]
-    """By preset and number of hypotheses, up to what was offered; best is what is turned least against the truth."""
+    """By preset and number of hypotheses: those of `BEST_OF` up to the most that came with one estimate, and that most.
+    Best is what is turned least against the truth."""
     hypotheses: int
     """The most that came with one estimate; 0 if there were none."""
     onboarding_s: dict[str, float]
@@ -113,7 +114,7 @@ class BinScorer:
             elapsed_s = time.perf_counter() - start
             errors[noise] = self._evaluator.add(image, estimates, elapsed_s)
             hypotheses = max([hypotheses, *(len(estimate.hypotheses) for estimate in estimates)])
-            for k in BEST_OF:
+            for k in (*BEST_OF, None):
                 chosen = best_of(estimates, image, k, self._model_of)
                 choices[noise, k] = self._evaluator.instance_errors(image, chosen)
         new = {part: seconds for part, seconds in self._onboarded().items() if part not in known}
@@ -183,15 +184,20 @@ def summarize_scores(
         for part, seconds in score.onboarding_s.items():
             onboarding_s[part] = max(seconds, onboarding_s.get(part, 0.0))
     hypotheses = max((score.hypotheses for score in scores), default=0)
-    # Best of 50 is no figure where only 5 are offered.
-    told = [(noise, k) for noise in noises for k in BEST_OF if k <= hypotheses]
+    # Best of 50 is no figure where only 5 are offered; of as many as were offered, it is the best of all.
+    told = {k: k for k in BEST_OF if k <= hypotheses} | ({hypotheses: None} if hypotheses > 1 else {})
+    best = {
+        (noise, shown): summarize_instances([i for score in scores for i in score.best_of[noise, k]])
+        for noise in noises
+        for shown, k in sorted(told.items())
+    }
     return YardstickResult(
         estimator,
         tuple(bins),
         hashlib.sha256(" ".join(score.fingerprint for score in scores).encode()).hexdigest()[:12],
         {noise: PoseEvaluation.of([score.errors[noise] for score in scores]) for noise in noises},
         {noise: tuple(BinFigures.of(score.errors[noise]) for score in scores) for noise in noises},
-        {choice: summarize_instances([i for score in scores for i in score.best_of[choice]]) for choice in told},
+        best,
         hypotheses,
         dict(sorted(onboarding_s.items())),
     )

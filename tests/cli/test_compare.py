@@ -90,7 +90,8 @@ def test_more_bins_and_modes_go_on(whole: Path, tmp_path: Path, capsys) -> None:
     assert main([*MODES, *SMALL, "--episodes", "2", "--out", str(folder)]) == 0
     results = read_results(folder / "results.jsonl")
     assert len(results) == 4 and results[0].timings_s == stamp
-    assert "oracle_noise" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "oracle_noise" in printed and "failed looks of the same bins, by cause" in printed
 
 
 def test_wrong_modes_are_told_all_at_once(tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch) -> None:

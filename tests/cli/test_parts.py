@@ -1,12 +1,14 @@
-"""``simpick parts``: list, show, add."""
+"""``simpick parts``: list, show, add, remove."""
 
 import cv2
 import pytest
 import trimesh
 
-from simpick.assets import library_part_names
+from simpick.assets import get_part, library_part_names, part_names
+from simpick.assets.user_parts import user_parts_dir
+from simpick.cli.main import main
 from simpick.cli.parts import PartsAdd, PartsList, PartsShow
-from simpick.errors import ConfigError, OutputError
+from simpick.errors import ConfigError, OutputError, UnknownPartError
 
 
 @pytest.fixture(autouse=True)
@@ -30,6 +32,51 @@ def test_added_part_is_listed_and_what_was_decided_is_printed(tmp_path, capsys):
     PartsList().run()
     row = next(line for line in capsys.readouterr().out.splitlines() if "brick" in line)
     assert "added" in row and "4 rotations" in row
+
+
+def test_a_removed_part_is_gone_and_can_be_added_again(tmp_path, capsys):
+    file = tmp_path / "brick.stl"
+    trimesh.creation.box([60, 20, 10]).export(file)
+    for _ in range(2):
+        PartsAdd(file).run()
+        assert get_part("brick").name == "brick"
+        capsys.readouterr()
+        assert main(["parts", "remove", "brick"]) == 0
+        assert capsys.readouterr().out.startswith("removed 'brick' with its copy of the CAD file in ")
+        assert "brick" not in part_names() and list(user_parts_dir().iterdir()) == []
+        with pytest.raises(UnknownPartError):
+            get_part("brick")
+    assert file.is_file(), "the user's own file stays"
+
+
+def test_a_damaged_entry_can_be_removed(tmp_path):
+    trimesh.creation.box([60, 20, 10]).export(tmp_path / "brick.stl")
+    PartsAdd(tmp_path / "brick.stl").run()
+    (user_parts_dir() / "brick" / "part.json").write_text("{")
+    assert main(["parts", "remove", "brick"]) == 0
+    assert "brick" not in part_names()
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("hex_nut", "'hex_nut' comes with simpick and cannot be removed, only parts that you added can: brick"),
+        ("random_7", "'random_7' comes with simpick and cannot be removed"),
+        ("brik", "no added part named 'brik'. Valid: brick. To see all parts: simpick parts list. Did you mean"),
+        ("../parts/brick", "no added part named '../parts/brick'. Valid: brick."),
+    ],
+)
+def test_only_added_parts_can_be_removed(name, text, tmp_path, capsys):
+    trimesh.creation.box([60, 20, 10]).export(tmp_path / "brick.stl")
+    PartsAdd(tmp_path / "brick.stl").run()
+    assert main(["parts", "remove", name]) == 2
+    assert text in " ".join(capsys.readouterr().err.split())
+    assert get_part("brick").name == "brick"
+
+
+def test_nothing_to_remove_is_said(capsys):
+    assert main(["parts", "remove", "brick"]) == 2
+    assert "no added part named 'brick'. Valid: none so far." in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.render

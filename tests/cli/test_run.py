@@ -10,8 +10,11 @@ import pytest
 import trimesh
 
 from simpick.cli.main import main
-from simpick.evaluation.result_store import read_results
+from simpick.cli.run import summary_table
+from simpick.evaluation.result_store import ResultStore, read_results
+from simpick.evaluation.run_config import RunConfig
 from simpick.recording.read_back import metrics_from_rrd
+from tests.evaluation.test_result_store import make_result
 
 pytestmark = pytest.mark.render
 
@@ -133,6 +136,21 @@ def test_a_mesh_file_is_described_and_may_not_change_between_episodes(tmp_path: 
     trimesh.creation.box((40, 25, 24)).export(file)
     assert main(["run", "--parts", str(file), "--episodes", "2", *run]) == 2
     assert "holds results of another configuration: content_of_parts" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("config", "title"),
+    [
+        (RunConfig(), "oracle, jaw, perfect detections"),
+        (RunConfig(noise_deg=7.5, noise_mm=2), "oracle_noise (7.5 deg, 2 mm), jaw, perfect detections"),
+        (RunConfig(noise_mm=2, look_closer=True), "oracle_noise+closer (0 deg, 2 mm), jaw, perfect detections"),
+        (RunConfig(perception="fine", hypotheses=8), "fine@8, jaw, perfect detections"),
+    ],
+)
+def test_the_table_tells_runs_apart_by_noise_and_mode(config: RunConfig, title: str, tmp_path: Path) -> None:
+    store = ResultStore(tmp_path, config.to_json())
+    store.add(make_result())
+    assert summary_table(config, store).title == title
 
 
 def test_recordings_that_are_missing_are_owned_up_to(recorded: list[Path], tmp_path: Path, capsys) -> None:

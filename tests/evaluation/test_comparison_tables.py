@@ -5,9 +5,11 @@ import io
 import numpy as np
 from rich.console import Console
 
-from simpick.evaluation.comparison_tables import differences_tables, modes_tables
+from simpick.evaluation.comparison_tables import causes_table, differences_tables, modes_tables
+from simpick.evaluation.failure_causes import find_failures
 from simpick.evaluation.paired import MEASURES, compare_modes
 from simpick.evaluation.result_store import EpisodeResult
+from simpick.records import PickOutcome
 from tests.evaluation.test_result_store import make_pick
 
 MODES = ("oracle", "oracle_noise", "retrieval", "retrieval_refined", "coarse", "fine", "refined", "refined@8")
@@ -27,6 +29,22 @@ def test_eight_modes_are_told_whole_in_80_columns() -> None:
     headings = [str(column.header) for table in tables for column in table.columns[1:]]
     assert [h.split(",")[0] for h in headings] == [m.title for m in MEASURES]
     assert "- retrieval_refined" in text and "(100.0 to 100.0)" in text
+
+
+def test_causes_of_nine_modes_are_told_whole_in_80_columns() -> None:
+    longest = "retrieval_refined@50+closer"
+    outcomes = (PickOutcome.NOTHING_DETECTED, PickOutcome.MISSED, PickOutcome.MISSED, PickOutcome.DROPPED)
+    picks = tuple(make_pick(k, outcome) for k, outcome in enumerate(outcomes))
+    failures = {mode: [] for mode in MODES}
+    failures[longest] = find_failures([EpisodeResult(0, 0, ("tee",), picks, "gave up", {}, longest)])
+    output = io.StringIO()
+    Console(file=output, width=80).print(causes_table(failures))
+    lines = [line.split() for line in output.getvalue().splitlines()]
+    assert ["symmetry"] in lines and ["mode", "detection", "pose", "flip", "grasp", "motion", "physics", "all"] in lines
+    assert [line for line in lines if line and line[0] in failures] == [
+        *([mode, *"0000000"] for mode in MODES),
+        [longest, "1", "0", "0", "2", "0", "1", "4"],
+    ]
 
 
 def test_one_mode_has_no_differences() -> None:

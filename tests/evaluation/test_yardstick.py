@@ -16,7 +16,7 @@ from simpick.evaluation.pose_images import PoseImage
 from simpick.evaluation.pose_sources import OracleSource
 from simpick.evaluation.yardstick import fingerprint, load_view, view_path, yardstick_bins
 from simpick.evaluation.yardstick_gains import gains
-from simpick.evaluation.yardstick_report import title, to_json
+from simpick.evaluation.yardstick_report import best_of_table, title, to_json
 from simpick.evaluation.yardstick_runs import BinFigures, BinScorer, YardstickResult, run_yardstick, summarize_scores
 from simpick.geometry import so3_exp, transform
 from simpick.records import PoseEstimate, PoseHypothesis
@@ -78,28 +78,40 @@ def test_true_poses_have_no_error_and_misses_count() -> None:
 
 
 class SecondGuess(OracleSource):
-    """Answers 40 degrees off, with the truth as the second of two hypotheses."""
+    """Answers 40 degrees off, with the truth as the second of two hypotheses or more."""
+
+    def __init__(self, offered: int) -> None:
+        super().__init__()
+        self._offered = offered
 
     def estimate(self, image: PoseImage) -> list[PoseEstimate]:
         answers = []
         for estimate in super().estimate(image):
             T = estimate.T_camera_part
             wrong = T @ transform(so3_exp(np.radians(40) * np.array([0.6, 0.0, 0.8])))
-            hypotheses = (PoseHypothesis(wrong, 0.9), PoseHypothesis(T, 0.8), *[PoseHypothesis(wrong, 0.7)] * 3)
+            hypotheses = (
+                PoseHypothesis(wrong, 0.9),
+                PoseHypothesis(T, 0.8),
+                *[PoseHypothesis(wrong, 0.7)] * (self._offered - 2),
+            )
             answers.append(dataclasses.replace(estimate, T_camera_part=wrong, hypotheses=hypotheses))
         return answers
 
 
 @pytest.mark.render
-def test_the_best_of_the_hypotheses_is_told_up_to_the_number_that_was_offered() -> None:
+@pytest.mark.parametrize(("offered", "told"), [(2, [1, 2]), (5, [1, 5]), (7, [1, 5, 7])])
+def test_the_best_of_the_hypotheses_is_told_up_to_the_number_that_was_offered(offered: int, told: list[int]) -> None:
     (bin,) = yardstick_bins(1)
-    with BinScorer(SecondGuess(), ["perfect"]) as scorer:
+    with BinScorer(SecondGuess(offered), ["perfect"]) as scorer:
         result = summarize_scores("second", [bin], ["perfect"], [scorer.score(bin)])
-    assert list(result.best_of) == [("perfect", 1), ("perfect", 5)]
+    assert list(result.best_of) == [("perfect", k) for k in told]
+    table = best_of_table(result)
+    assert table is not None and list(table.columns[1].cells) == [str(k) for k in told]
     assert result.best_of["perfect", 1] == result.evaluations["perfect"].summary
     assert result.best_of["perfect", 1].recall_5_deg < 0.5
-    assert result.best_of["perfect", 5].recall_5_deg == 1
-    assert result.best_of["perfect", 5].median_translation_mm < 1e-3
+    for k in told[1:]:
+        assert result.best_of["perfect", k].recall_5_deg == 1
+        assert result.best_of["perfect", k].median_translation_mm < 1e-3
 
 
 def result_of(estimator: str, *bins: tuple[int, float]) -> YardstickResult:
