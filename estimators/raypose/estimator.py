@@ -41,9 +41,9 @@ class RayPoseEstimatorConfig:
 
     turns: int = 12
     """Coarse only: turns of a detection about the optical axis in which it is compared with the upright templates."""
-    tried: int = 4
-    """How many of the turns, those whose matches agree best on a pose, are followed; after each pass but the last the
-    better half goes on."""
+    tried: int = 8
+    """Coarse only: how many of the turns, those whose matches agree best on a pose, are followed; where one hypothesis
+    is asked for, the better half of them after the first pass."""
     iterations: int | None = None
     """How often templates are taken around the estimate and a new one made: 1 if None for fine; for coarse 2, beside
     the first estimate from templates over the sphere."""
@@ -192,9 +192,10 @@ class RayPoseEstimator:
     def _followed(self, part: str, crops: QueryCrops, queries: QueryTokens, guesses: _Guesses) -> _Guesses:
         """Return guesses after templates around them, an answer, templates around that, and so on.
 
-        After each pass but the last, the better half of what is tried goes on.
+        If only one is asked for, the better half of what is tried goes on after the first pass.
         """
-        bank, kept = self._banks[part][1], max(self.config.hypotheses, (self.config.tried + 1) // 2)
+        bank, hypotheses = self._banks[part][1], self.config.hypotheses
+        kept = max(self.config.tried, hypotheses) if hypotheses > 1 else (self.config.tried + 1) // 2
         for left in reversed(range(self._iterations)):
             Ts_crop_part = crops.poses_in_crops(guesses.crops, guesses.Ts_camera_part)
             pose, scores = self._answer(

@@ -122,6 +122,37 @@ def test_hypotheses_are_apart_and_the_best_comes_first(crank):
     np.testing.assert_array_equal(estimate.T_camera_part, estimate.hypotheses[0].T_camera_part)
 
 
+@pytest.mark.parametrize("change", [{}, {"multiview": False}, {"matching": False, "flow": False}], ids=str)
+@pytest.mark.parametrize("iterations", [0, 1, 2])
+def test_any_network_can_be_coarse_with_any_number_of_passes(crank, change, iterations):
+    frame, detection, _ = next(iter(pictures(crank, 1)))
+    config = RayPoseEstimatorConfig(turns=3, tried=2, hypotheses=2, iterations=iterations)
+    estimator = RayPoseEstimator(tiny(replace(COARSE, **change)), config)
+    estimator.onboard(crank)
+    (estimate,) = estimator.estimate(frame, [detection])
+    assert 1 <= len(estimate.hypotheses) <= 2
+    assert all(0 <= h.score <= 1 and np.isfinite(h.T_camera_part).all() for h in estimate.hypotheses)
+
+
+def test_many_detections_are_answered_as_each_alone(crank):
+    frame, detection, T = next(iter(pictures(crank, 1)))
+    rng = np.random.default_rng(2)
+    starts = [off(T, deg, rng) for deg in rng.uniform(0, 40, 40)]
+    config = RayPoseEstimatorConfig(hypotheses=40, cluster_deg=1e-6, cluster_diameters=1e-9)
+
+    def answers(starts):
+        # More starts than are taken at a time.
+        estimator = RayPoseEstimator(tiny(), config, start=Start(starts))
+        estimator.onboard(crank)
+        return estimator.estimate(frame, [detection])[0].hypotheses
+
+    together = answers(starts)
+    alone = [answers([start])[0] for start in starts[::13]]
+    assert len(together) > 32
+    for one in alone:
+        assert min(np.abs(one.T_camera_part - other.T_camera_part).max() for other in together) < 1e-3
+
+
 def test_equivalent_starts_of_a_symmetric_part_give_the_same_answer():
     nut = get_part("hex_nut")
     frame, detection, T = next(iter(pictures(nut, 1)))
