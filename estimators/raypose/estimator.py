@@ -217,7 +217,7 @@ class RayPoseEstimator:
     ) -> tuple[ViewPoses, Float[np.ndarray, "n"]]:
         """Return the templates' common answer for these queries, and its score, in [0, 1].
 
-        A few at a time, so that memory does not depend on how many parts are seen; `templates_of` gives those of some
+        A few at a time, so that comparing many takes no more memory than a few; `templates_of` gives those of some
         rows, by their places among `rows`.
         """
         places = np.split(np.arange(len(rows)), range(_AT_ONCE, len(rows), _AT_ONCE))
