@@ -31,7 +31,7 @@ from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
 from simpick.rendering import load_templates
 
 _AT_ONCE = 32
-"""Queries that are compared with their templates at a time: some 250 MB."""
+"""Queries that are compared with their templates at a time: some 250 MB with `small`."""
 _FINE_ITERATIONS, _COARSE_ITERATIONS = 1, 2
 
 

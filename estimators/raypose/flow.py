@@ -116,54 +116,43 @@ class TemplateFlow(nn.Module):
         """Return flow and pose around a first pose of one view, which gets no gradient."""
         # In single precision, whatever the network around runs in: half a cell must not be lost to rounding.
         with torch.autocast(query.device.type, enabled=False):
-            descriptors = templates.descriptors.float()
-            single = FlowCells(descriptors, templates.points.float(), templates.coverage.float())
-            return self._measured(query.float(), query_coverage.float(), single, half_tangent, start)
-
-    def _measured(
-        self,
-        query: Float[Tensor, "batch cells width"],
-        query_coverage: Float[Tensor, "batch cells"],
-        templates: FlowCells,
-        half_tangent: Float[Tensor, "batch"],
-        start: SolvedPoses,
-    ) -> Flow:
-        pose = SolvedPoses(*(getattr(start, name).detach() for name in ("R", "centre", "log_scale", "residuals")))
-        batch, views = templates.coverage.shape[:2]
-        points = templates.points.flatten(1, 2)  # (batch, all cells, 3)
-        expected = project(points, half_tangent, pose)[0][:, 0]  # (batch, all cells, 2)
-        descriptors = templates.descriptors.flatten(1, 2)
-        volume = (descriptors @ query.mT).unflatten(-1, (self.side, self.side))  # (batch, all cells, side, side)
-        around = expected[:, :, None] + self.offsets  # (batch, all cells, offsets, 2)
-        # Between cells, correlations are interpolated, which is the correlation with interpolated descriptors.
-        cosine = F.grid_sample(
-            volume.flatten(0, 1)[:, None], around.flatten(0, 1)[:, None], padding_mode="border", align_corners=False
-        )[:, 0, 0].unflatten(0, (batch, -1))  # (batch, all cells, offsets)
-        mask = query_coverage.unflatten(-1, (1, self.side, self.side))
-        there = F.grid_sample(mask, expected[:, None], align_corners=False)[:, 0, 0]  # (batch, all cells)
-        log_probabilities = (cosine * self.log_temperature.exp().clamp(max=100.0)).log_softmax(dim=-1)
-        mean = log_probabilities.exp() @ self.offsets
-        coverage = templates.coverage.flatten(1, 2)
-        features = torch.cat(
-            [cosine, mean / self.unit, there[..., None], coverage[..., None], descriptors], dim=-1
-        )  # (batch, all cells, features)
-        maps = features.unflatten(1, (views, self.side * self.side)).flatten(0, 1).mT
-        out = self.read(maps.unflatten(-1, (self.side, self.side)))  # (batch * views, 5, side, side)
-        out = out.flatten(2).mT.reshape(batch, -1, 5)
-        offset = mean + out[..., :2] * self.unit
-        valid = (coverage > MIN_COVERAGE) & (there > MIN_COVERAGE)
-        whitening = _upper_triangular(out[..., 2:]) * valid[..., None, None]
-        solved = solve_poses(
-            points,
-            expected + offset,
-            valid.float(),
-            half_tangent,
-            pose,
-            _ITERATIONS,
-            whitening=whitening,
-            damping=_DAMPING,
-        )
-        return Flow(points, valid, expected, log_probabilities, offset, solved)
+            pose = SolvedPoses(*(getattr(start, name).detach() for name in ("R", "centre", "log_scale", "residuals")))
+            batch, views = templates.coverage.shape[:2]
+            points = templates.points.float().flatten(1, 2)  # (batch, all cells, 3)
+            expected = project(points, half_tangent, pose)[0][:, 0]  # (batch, all cells, 2)
+            descriptors = templates.descriptors.float().flatten(1, 2)
+            volume = (descriptors @ query.float().mT).unflatten(
+                -1, (self.side, self.side)
+            )  # (batch, all cells, side, side)
+            around = expected[:, :, None] + self.offsets  # (batch, all cells, offsets, 2)
+            # Between cells, correlations are interpolated, which is the correlation with interpolated descriptors.
+            cosine = F.grid_sample(
+                volume.flatten(0, 1)[:, None], around.flatten(0, 1)[:, None], padding_mode="border", align_corners=False
+            )[:, 0, 0].unflatten(0, (batch, -1))  # (batch, all cells, offsets)
+            mask = query_coverage.float().unflatten(-1, (1, self.side, self.side))
+            there = F.grid_sample(mask, expected[:, None], align_corners=False)[:, 0, 0]  # (batch, all cells)
+            log_probabilities = (cosine * self.log_temperature.exp().clamp(max=100.0)).log_softmax(dim=-1)
+            mean = log_probabilities.exp() @ self.offsets
+            coverage = templates.coverage.float().flatten(1, 2)
+            features = torch.cat(
+                [cosine, mean / self.unit, there[..., None], coverage[..., None], descriptors], dim=-1
+            )  # (batch, all cells, features)
+            maps = features.unflatten(1, (views, self.side * self.side)).flatten(0, 1).mT
+            out = self.read(maps.unflatten(-1, (self.side, self.side)))  # (batch * views, 5, side, side)
+            out = out.flatten(2).mT.reshape(batch, -1, 5)
+            offset = mean + out[..., :2] * self.unit
+            valid = (coverage > MIN_COVERAGE) & (there > MIN_COVERAGE)
+            solved = solve_poses(
+                points,
+                expected + offset,
+                valid.float(),
+                half_tangent,
+                pose,
+                _ITERATIONS,
+                whitening=_upper_triangular(out[..., 2:]),
+                damping=_DAMPING,
+            )
+            return Flow(points, valid, expected, log_probabilities, offset, solved)
 
 
 def _upper_triangular(x: Float[Tensor, "batch cells 3"]) -> Float[Tensor, "batch cells 2 2"]:

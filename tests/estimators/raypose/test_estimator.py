@@ -16,9 +16,12 @@ from simpick.estimators.raypose import (
     RayPoseEstimatorConfig,
     load_estimator,
     save_checkpoint,
+    template_bank,
 )
+from simpick.estimators.raypose.template_bank import TemplateBank
 from simpick.geometry import so3_exp, transform
 from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
+from simpick.rendering import load_templates
 from tests.estimators.test_retrieval import CAMERA, pictures
 
 pytestmark = pytest.mark.render
@@ -214,3 +217,16 @@ def test_settings_out_of_range_are_refused():
         RayPoseEstimator(tiny(), RayPoseEstimatorConfig(iterations=0), start=Start([]))
     with pytest.raises(ConfigError, match="hypotheses must be between 1 and 64, got 65"):
         RayPoseEstimatorConfig(hypotheses=65)
+
+
+def test_a_bank_that_keeps_few_templates_gives_the_same_ones(crank, monkeypatch):
+    Ts = [transform(so3_exp(np.array([0.0, 0.4 * k, 0.3 * k])), np.array([0.0, 0.0, 0.5])) for k in range(6)]
+    model, templates = tiny().eval(), load_templates(crank)
+    everything = TemplateBank(model, crank, templates)
+    with torch.inference_mode():
+        expected = [everything.around(T[None]).descriptors for T in Ts]
+        monkeypatch.setattr(template_bank, "_KEPT", 10)
+        few = TemplateBank(model, crank, templates)
+        for T, descriptors in zip(Ts * 2, expected * 2, strict=True):
+            torch.testing.assert_close(few.around(T[None]).descriptors, descriptors, atol=1e-4, rtol=0)
+            assert len(few._slots) <= 10 < len(everything._slots)
