@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from simpick.assets.solids import cut, to_manifold, to_trimesh, union
+from simpick.assets.csg import cut, to_manifold, to_trimesh, union
 from simpick.errors import MeshError
 
 SUFFIXES = (".stl", ".obj", ".ply", ".glb")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from manifold3d import Manifold
 
-from simpick.assets import solids as s
+from simpick.assets import csg as s
 from simpick.assets.part import Part
-from simpick.assets.stock import ALUMINIUM, BLACK_STEEL, BRASS, STEEL, ZINC_YELLOW
+from simpick.assets.materials import ALUMINIUM, BLACK_STEEL, BRASS, STEEL, ZINC_YELLOW
 from simpick.geometry.symmetry import SymmetryGroup
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from manifold3d import CrossSection
 
-from simpick.assets import solids as s
+from simpick.assets import csg as s
 from simpick.assets.part import Part
-from simpick.assets.stock import ALUMINIUM, BLUE_ANODISED, BRONZE, STEEL, WHITE_POM
+from simpick.assets.materials import ALUMINIUM, BLUE_ANODISED, BRONZE, STEEL, WHITE_POM
 from simpick.geometry.symmetry import SymmetryGroup
 
 

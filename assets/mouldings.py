@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from simpick.assets import solids as s
+from simpick.assets import csg as s
 from simpick.assets.part import Part
-from simpick.assets.stock import BLACK_NYLON, GREEN_POLYAMIDE, GREY_PVC, ORANGE_ABS, RED_ANODISED
+from simpick.assets.materials import BLACK_NYLON, GREEN_POLYAMIDE, GREY_PVC, ORANGE_ABS, RED_ANODISED
 from simpick.geometry.symmetry import SymmetryGroup
 
 

@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Float
 from manifold3d import CrossSection, Manifold
 
-from simpick.assets import solids as s
+from simpick.assets import csg as s
 from simpick.assets.part import Material, Part
-from simpick.assets.stock import Stock
+from simpick.assets.materials import Stock
 from simpick.assets.symmetry_detection import detect_symmetries
 from simpick.errors import ConfigError
 

@@ -14,9 +14,9 @@ from safetensors.torch import save as to_bytes
 
 from simpick.caching import atomic_write_bytes
 from simpick.errors import CheckpointError, ConfigError, UnknownNameError
-from simpick.estimators.raypose.config import RayPoseConfig
-from simpick.estimators.raypose.model import RayPose
-from simpick.estimators.raypose.strict_weights import check_weights
+from simpick.estimators.raypose.network.config import RayPoseConfig
+from simpick.estimators.raypose.network.model import RayPose
+from simpick.estimators.raypose.network.strict_weights import check_weights
 
 FORMAT = "simpick-raypose"
 VERSION = "2"
@@ -77,7 +77,7 @@ def load_checkpoint(path: Path, *, dino_weights: Path | None = None) -> Checkpoi
     check_weights(path, tensors, expected, "their configuration")
     model.load_state_dict({name: tensor.float() for name, tensor in tensors.items()}, strict=not config.is_dino)
     if config.is_dino:
-        from simpick.estimators.raypose.dino_encoder import load_dino_weights
+        from simpick.estimators.raypose.network.dino_encoder import load_dino_weights
 
         if dino_weights is None:
             raise CheckpointError(

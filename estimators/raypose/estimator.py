@@ -15,18 +15,18 @@ from jaxtyping import Float, Int
 
 from simpick.assets.part import Part
 from simpick.errors import CheckpointError, ConfigError, UnknownNameError
-from simpick.estimators.answerable import answerable
+from simpick.estimators.valid_detections import answerable
 from simpick.estimators.base import PoseEstimator
 from simpick.estimators.pose_clusters import cluster_hypotheses
 from simpick.estimators.raypose.checkpoints import load_checkpoint, shipped_checkpoint
-from simpick.estimators.raypose.combining import agreement, combine_views
-from simpick.estimators.raypose.inference import sample_views
-from simpick.estimators.raypose.model import RayPose
-from simpick.estimators.raypose.pose_maps import ViewPoses
-from simpick.estimators.raypose.query_crops import QueryCrops, crop_queries
-from simpick.estimators.raypose.schedule import make_schedule
+from simpick.estimators.raypose.network.consensus import agreement, combine_views
+from simpick.estimators.raypose.sample_views import sample_views
+from simpick.estimators.raypose.network.model import RayPose
+from simpick.estimators.raypose.network.pose_maps import ViewPoses
+from simpick.estimators.raypose.crops.query_crops import QueryCrops, crop_queries
+from simpick.estimators.raypose.diffusion.schedule import make_schedule
 from simpick.estimators.raypose.template_bank import TemplateBank
-from simpick.estimators.raypose.tokens import QueryTokens, TemplateTokens, map_tensors
+from simpick.estimators.raypose.network.tokens import QueryTokens, TemplateTokens, map_tensors
 from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
 from simpick.rendering import load_templates
 

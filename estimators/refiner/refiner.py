@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 
 from simpick.assets.part import Part
 from simpick.errors import ConfigError, UnknownNameError
-from simpick.estimators.answerable import detection_mask
+from simpick.estimators.valid_detections import detection_mask
 from simpick.estimators.pose_clusters import cluster_hypotheses
 from simpick.estimators.refiner.alignment import Alignment, Target, align
 from simpick.estimators.refiner.config import AlignmentLevel, RefinerConfig

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from simpick.assets.part import Part
 from simpick.errors import ConfigError, UnknownNameError
-from simpick.estimators.answerable import answerable
+from simpick.estimators.valid_detections import answerable
 from simpick.estimators.retrieval.descriptors import CROP_PX, describe, luminance
 from simpick.estimators.retrieval.template_index import Matches, TemplateIndex, load_index
 from simpick.estimators.retrieval.turned_crops import PADDING

@@ -8,7 +8,7 @@ from typing import Literal
 
 import tyro
 
-from simpick.training.machine import Machine
+from simpick.training.resources import Machine
 
 
 @dataclass(frozen=True)
@@ -39,13 +39,13 @@ class Ablate:
         from rich.console import Console
         from rich.markdown import Markdown
 
-        from simpick.estimators.raypose.config import preset
+        from simpick.estimators.raypose.network.config import preset
         from simpick.training import ablations
         from simpick.training.config_file import load_train_config
-        from simpick.training.learning_curves import plot_scaling, read_log
+        from simpick.training.curves import plot_scaling, read_log
         from simpick.training.run_folder import RunFolder
-        from simpick.training.train_config import TrainConfig
-        from simpick.training.train_progress import TrainProgress
+        from simpick.training.config import TrainConfig
+        from simpick.training.progress import TrainProgress
         from simpick.training.trainer import Budget
 
         budget = Budget(self.minutes, self.steps)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import tyro
 
-from simpick.evaluation.run_config import RunConfig
+from simpick.experiments.run_config import RunConfig
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Benchmark:
         from rich.console import Console
         from rich.table import Table
 
-        from simpick.evaluation.benchmark import measure
+        from simpick.experiments.speed import measure
 
         figures = measure(self.config)
         table = Table("measure", "value", title=f"{self.config.count} parts, {self.config.gripper}")
@@ -55,7 +55,7 @@ class Benchmark:
         from rich.console import Console
         from rich.table import Table
 
-        from simpick.evaluation.vector_benchmark import measure_vector
+        from simpick.experiments.vector_speed import measure_vector
 
         config = self.config
         title = f"{config.count} parts, {config.gripper}, {config.perception}, {os.cpu_count()} processor cores"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import tyro
 
-from simpick.evaluation.compare_config import CompareConfig
+from simpick.experiments.compare_config import CompareConfig
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,10 @@ class Compare:
 
         from simpick.cli.parts import describe_files
         from simpick.errors import ConfigError, OutputError, SimpickError
-        from simpick.evaluation.comparison import Comparison
-        from simpick.evaluation.comparison_report import write_report
-        from simpick.evaluation.comparison_tables import causes_table, differences_tables, modes_tables
-        from simpick.evaluation.runs import check_workers
+        from simpick.experiments.comparison import Comparison
+        from simpick.experiments.report.html import write_report
+        from simpick.experiments.report.tables import causes_table, differences_tables, modes_tables
+        from simpick.experiments.runs import check_workers
 
         check_workers(self.workers)
         if self.ray is not None and self.workers != 1:

@@ -82,10 +82,10 @@ class Evaluate:
         from rich.console import Console
 
         from simpick.bop import BopDataset, BopResult, read_detections, read_results, write_results
-        from simpick.evaluation import bop_evaluation
-        from simpick.evaluation.pose_evaluation import PoseEvaluator
-        from simpick.evaluation.pose_runs import score_images
-        from simpick.evaluation.pose_sources import FileSource, make_source
+        from simpick.pose_eval import bop_evaluation
+        from simpick.pose_eval.pose_evaluation import PoseEvaluator
+        from simpick.pose_eval.pose_runs import score_images
+        from simpick.pose_eval.pose_sources import FileSource, make_source
 
         dataset = BopDataset(root, self.split, camera=self.camera, models=self.models)
         if self.targets == "annotations":
@@ -129,11 +129,11 @@ class Evaluate:
 
         from simpick.assets.library import get_part, library_part_names
         from simpick.bop import BopWriter, write_detections
-        from simpick.evaluation.bin_images import bin_images, export_bin
-        from simpick.evaluation.pose_evaluation import PoseEvaluator
-        from simpick.evaluation.pose_images import PoseModel
-        from simpick.evaluation.pose_runs import score_images
-        from simpick.evaluation.pose_sources import make_source
+        from simpick.pose_eval.bin_images import bin_images, export_bin
+        from simpick.pose_eval.pose_evaluation import PoseEvaluator
+        from simpick.pose_eval.pose_images import PoseModel
+        from simpick.pose_eval.pose_runs import score_images
+        from simpick.pose_eval.pose_sources import make_source
         from simpick.scene import SceneConfig
 
         names = self.parts or tuple(library_part_names())
@@ -171,7 +171,7 @@ class Evaluate:
 
     @staticmethod
     def _print(console, evaluation, title: str) -> None:
-        from simpick.evaluation.pose_runs import recall_table, summary_table
+        from simpick.pose_eval.pose_runs import recall_table, summary_table
 
         console.print(recall_table(evaluation, title))
         console.print(summary_table(evaluation))

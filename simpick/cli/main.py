@@ -26,7 +26,7 @@ from simpick.cli.run import Run
 from simpick.cli.sweep import Sweep
 from simpick.cli.templates import TemplatesCommand
 from simpick.cli.train import Train
-from simpick.cli.yardstick import Yardstick
+from simpick.cli.pose_benchmark import Yardstick
 from simpick.errors import SimpickError
 
 DESCRIPTION = "A wind tunnel for robotic bin picking: will this part be picked from RGB, how fast, and why not?"

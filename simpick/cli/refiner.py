@@ -30,8 +30,8 @@ class RefinerBasin:
 
         from simpick.errors import ConfigError
         from simpick.estimators.refiner import Refiner
-        from simpick.evaluation.refiner_basin import measure_basin, plot_basin
-        from simpick.evaluation.yardstick import load_view, yardstick_bins
+        from simpick.pose_eval.refiner_basin import measure_basin, plot_basin
+        from simpick.pose_eval.benchmark_bins import load_view, yardstick_bins
 
         if not self.starts_deg or min(self.starts_deg) < 0 or max(self.starts_deg) > 180:
             raise ConfigError(f"starts_deg must be one or more angles between 0 and 180, got {self.starts_deg}")
@@ -71,7 +71,7 @@ class RefinerCalibrate:
         from simpick.estimators.refiner import RefinedEstimator
         from simpick.estimators.refiner.confidence import fit_confidence
         from simpick.estimators.retrieval import RetrievalConfig, RetrievalEstimator
-        from simpick.evaluation.refiner_calibration import (
+        from simpick.pose_eval.refiner_calibration import (
             Outcomes,
             brier_score,
             outcomes,
@@ -80,7 +80,7 @@ class RefinerCalibrate:
             random_bin,
             write_confidence,
         )
-        from simpick.evaluation.yardstick import load_view, yardstick_bins
+        from simpick.pose_eval.benchmark_bins import load_view, yardstick_bins
 
         check = [load_view(bin) for bin in yardstick_bins(self.check_bins)]
         fit = [random_bin(k, self.parts, self.count) for k in range(self.bins)]

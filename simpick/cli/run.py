@@ -7,7 +7,7 @@ from pathlib import Path
 
 import tyro
 
-from simpick.evaluation.run_config import RunConfig
+from simpick.experiments.run_config import RunConfig
 
 
 @dataclass(frozen=True)
@@ -33,10 +33,10 @@ class Run:
         from rich.console import Console
 
         from simpick.cli.parts import describe_files
-        from simpick.evaluation.episodes import recording_file, validate
-        from simpick.evaluation.result_store import ResultStore
-        from simpick.evaluation.run_identity import run_identity
-        from simpick.evaluation.runs import check_workers, run_episodes
+        from simpick.experiments.episodes import recording_file, validate
+        from simpick.experiments.result_store import ResultStore
+        from simpick.experiments.provenance import run_identity
+        from simpick.experiments.runs import check_workers, run_episodes
 
         check_workers(self.workers)
         validate(self.config)
@@ -63,7 +63,7 @@ def summary_table(config: RunConfig, store):
     """Return the table of grasp scores that ends a run."""
     from rich.table import Table
 
-    from simpick.evaluation.grasp_scores import score_grasps
+    from simpick.experiments.analysis.grasp_scores import score_grasps
 
     scores = score_grasps(store.results)
     # A run with noise is told apart from others by how much of it there is, which the mode's name leaves out.

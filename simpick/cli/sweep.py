@@ -8,7 +8,7 @@ from pathlib import Path
 import tyro
 
 from simpick.errors import ConfigError
-from simpick.evaluation.run_config import RunConfig
+from simpick.experiments.run_config import RunConfig
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,8 @@ class Sweep:
         from rich.console import Console
 
         from simpick.cli.parts import describe_files
-        from simpick.evaluation.noise_sweep import NoiseStep, plot_steps, run_step, steps_table, write_csv
-        from simpick.evaluation.runs import check_workers
+        from simpick.experiments.sweep import NoiseStep, plot_steps, run_step, steps_table, write_csv
+        from simpick.experiments.runs import check_workers
 
         if self.config.perception != "oracle" or self.config.noise_mm or self.config.noise_deg:
             raise ConfigError(

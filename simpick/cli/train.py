@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
-from simpick.training.machine import Machine
+from simpick.training.resources import Machine
 
 if TYPE_CHECKING:
-    from simpick.estimators.raypose.config import RayPoseConfig
-    from simpick.training.train_config import TrainConfig
+    from simpick.estimators.raypose.network.config import RayPoseConfig
+    from simpick.training.config import TrainConfig
 
 _TRAINING = ("batch", "parts", "templates", "learning_rate", "schedule", "validation_shards", "validation_queries")
 
@@ -87,10 +87,10 @@ class Train:
 
         from rich.console import Console
 
-        from simpick.training.learning_curves import write_curves
-        from simpick.training.processes import Processes
+        from simpick.training.curves import write_curves
+        from simpick.training.distributed import Processes
         from simpick.training.run_folder import RunFolder
-        from simpick.training.train_progress import TrainProgress
+        from simpick.training.progress import TrainProgress
         from simpick.training.trainer import Budget, train
 
         network, config, budget = self.network(), self.training(), Budget(self.minutes, self.steps)
@@ -126,7 +126,7 @@ class Train:
         import dataclasses
 
         from simpick.errors import ConfigError
-        from simpick.estimators.raypose.config import preset
+        from simpick.estimators.raypose.network.config import preset
 
         if self.mode == "coarse" and not (self.spread_deg is None and self.spread_m is None):
             raise ConfigError(
@@ -152,7 +152,7 @@ class Train:
         import dataclasses
 
         from simpick.training.config_file import load_train_config
-        from simpick.training.train_config import TrainConfig
+        from simpick.training.config import TrainConfig
 
         config = load_train_config(self.config) if self.config else TrainConfig()
         given = {name: getattr(self, name) for name in _TRAINING if getattr(self, name) is not None}

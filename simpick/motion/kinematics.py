@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from simpick.assets.robots.registry import Robot
 from simpick.geometry.transforms import invert, quaternion_from_matrix, rotation_angle
-from simpick.motion.closed_form import inverse
+from simpick.assets.robots.ur5e_inverse import inverse
 
 POSITION_TOLERANCE_M = 1e-4
 """A solution's TCP is at most this far from the commanded one."""

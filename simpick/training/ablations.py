@@ -15,12 +15,12 @@ from typing import Any
 
 from simpick.caching import atomic_write_text
 from simpick.estimators.raypose.checkpoints import load_checkpoint
-from simpick.estimators.raypose.config import RayPoseConfig
-from simpick.estimators.raypose.model import RayPose
-from simpick.estimators.raypose.schedule import SCHEDULES, make_schedule
-from simpick.training.machine import Machine
-from simpick.training.shard_stream import ShardStream
-from simpick.training.train_config import TrainConfig
+from simpick.estimators.raypose.network.config import RayPoseConfig
+from simpick.estimators.raypose.network.model import RayPose
+from simpick.estimators.raypose.diffusion.schedule import SCHEDULES, make_schedule
+from simpick.training.resources import Machine
+from simpick.training.data.shard_stream import ShardStream
+from simpick.training.config import TrainConfig
 from simpick.training.trainer import Budget, train
 from simpick.training.validation import Validation
 

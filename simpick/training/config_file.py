@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from simpick.errors import ConfigError
-from simpick.training.train_config import TrainConfig
+from simpick.training.config import TrainConfig
 
 
 def load_train_config(path: Path) -> TrainConfig:

@@ -17,19 +17,19 @@ from torch import nn
 
 from simpick.errors import ConfigError, SimpickError
 from simpick.estimators.raypose.checkpoints import load_checkpoint, save_checkpoint
-from simpick.estimators.raypose.config import RayPoseConfig
-from simpick.estimators.raypose.dino_encoder import load_dino_weights
-from simpick.estimators.raypose.losses import weighted_sum
-from simpick.estimators.raypose.model import RayPose
-from simpick.estimators.raypose.schedule import make_schedule
-from simpick.training.batch_source import BatchSource
-from simpick.training.batches import TrainingBatch
-from simpick.training.interruption import Interruption
-from simpick.training.machine import Machine
-from simpick.training.processes import Processes
+from simpick.estimators.raypose.network.config import RayPoseConfig
+from simpick.estimators.raypose.network.dino_encoder import load_dino_weights
+from simpick.estimators.raypose.network.losses import weighted_sum
+from simpick.estimators.raypose.network.model import RayPose
+from simpick.estimators.raypose.diffusion.schedule import make_schedule
+from simpick.training.data.batch_source import BatchSource
+from simpick.training.data.batches import TrainingBatch
+from simpick.training.graceful_stop import Interruption
+from simpick.training.resources import Machine
+from simpick.training.distributed import Processes
 from simpick.training.run_folder import RunFolder
-from simpick.training.shard_stream import ShardStream
-from simpick.training.train_config import TrainConfig
+from simpick.training.data.shard_stream import ShardStream
+from simpick.training.config import TrainConfig
 from simpick.training.training_step import loss_terms, matching_terms
 from simpick.training.validation import Validation
 

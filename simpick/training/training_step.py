@@ -6,15 +6,15 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from simpick.estimators.raypose import losses
-from simpick.estimators.raypose.matching import MIN_COVERAGE
-from simpick.estimators.raypose.model import RayPose, halved_geometry
-from simpick.estimators.raypose.objective import add_noise
-from simpick.estimators.raypose.pose_maps import encode_pose_maps
-from simpick.estimators.raypose.schedule import Schedule
-from simpick.estimators.raypose.tokens import FirstPoses, TemplateTokens
-from simpick.training.batches import TrainingBatch
-from simpick.training.flow_targets import flow_terms
+from simpick.estimators.raypose.network import losses
+from simpick.estimators.raypose.network.matching import MIN_COVERAGE
+from simpick.estimators.raypose.network.model import RayPose, halved_geometry
+from simpick.estimators.raypose.diffusion.x0_parameterization import add_noise
+from simpick.estimators.raypose.network.pose_maps import encode_pose_maps
+from simpick.estimators.raypose.diffusion.schedule import Schedule
+from simpick.estimators.raypose.network.tokens import FirstPoses, TemplateTokens
+from simpick.training.data.batches import TrainingBatch
+from simpick.training.data.flow_targets import flow_terms
 
 
 def loss_terms(

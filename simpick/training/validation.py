@@ -8,15 +8,15 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from simpick.estimators.raypose.combining import combine_views
-from simpick.estimators.raypose.config import RayPoseConfig
-from simpick.estimators.raypose.inference import sample_views
-from simpick.estimators.raypose.model import RayPose
-from simpick.estimators.raypose.schedule import Schedule
-from simpick.training.augmentation import AugmentationConfig
-from simpick.training.batches import TrainingBatch, make_batch
-from simpick.training.shard import Shard
-from simpick.training.train_config import TrainConfig
+from simpick.estimators.raypose.network.consensus import combine_views
+from simpick.estimators.raypose.network.config import RayPoseConfig
+from simpick.estimators.raypose.sample_views import sample_views
+from simpick.estimators.raypose.network.model import RayPose
+from simpick.estimators.raypose.diffusion.schedule import Schedule
+from simpick.training.data.augmentation import AugmentationConfig
+from simpick.training.data.batches import TrainingBatch, make_batch
+from simpick.training.data.shard import Shard
+from simpick.training.config import TrainConfig
 
 _PLAIN = AugmentationConfig(box_jitter=0.0, ragged_share=0.0, hidden_share=0.0, brightness=0.0)
 

@@ -11,7 +11,7 @@ import trimesh
 from simpick.assets.library import get_part, library_part_names, part_names
 from simpick.assets.mjcf import add_part
 from simpick.assets.random_parts import random_part
-from simpick.assets.solids import to_manifold, union
+from simpick.assets.csg import to_manifold, union
 from simpick.assets.surface import SurfaceDistance
 from simpick.assets.symmetry_detection import detect_symmetries
 from simpick.errors import ConfigError

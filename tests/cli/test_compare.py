@@ -15,8 +15,10 @@ import pytest
 
 from simpick.cli.main import main
 from simpick.errors import OutputError, SimpickError
-from simpick.evaluation import comparison, perceptions, result_store
-from simpick.evaluation.result_store import read_results
+from simpick.experiments import comparison
+from simpick.experiments import perceptions
+from simpick.experiments import result_store
+from simpick.experiments.result_store import read_results
 
 pytestmark = pytest.mark.render
 
@@ -160,7 +162,7 @@ def test_a_full_disk_keeps_what_is_finished(whole: Path, tmp_path: Path, monkeyp
 FULL_DISK = """
 import resource, sys
 from simpick.cli.main import main
-from simpick.evaluation.result_store import ResultStore
+from simpick.experiments.result_store import ResultStore
 
 add = ResultStore.add
 

@@ -11,10 +11,10 @@ import trimesh
 
 from simpick.cli.main import main
 from simpick.cli.run import summary_table
-from simpick.evaluation.result_store import ResultStore, read_results
-from simpick.evaluation.run_config import RunConfig
+from simpick.experiments.result_store import ResultStore, read_results
+from simpick.experiments.run_config import RunConfig
 from simpick.recording.read_back import metrics_from_rrd
-from tests.evaluation.test_result_store import make_result
+from tests.experiments.test_result_store import make_result
 
 pytestmark = pytest.mark.render
 

@@ -3,7 +3,7 @@ import pytest
 
 from simpick.assets.robots.registry import get_robot
 from simpick.geometry.transforms import rotation_angle, so3_exp, transform
-from simpick.motion.closed_form import forward, inverse
+from simpick.assets.robots.ur5e_inverse import forward, inverse
 from simpick.motion.kinematics import Kinematics, line
 
 HOME = get_robot("ur5e").home_qpos

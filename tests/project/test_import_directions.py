@@ -11,12 +11,13 @@ ROOT = Path(__file__).parents[2]
 
 # A room may import rooms of its own layer or of earlier ones.
 LAYERS = [
-    {"errors", "records", "geometry", "caching"},
+    {"errors", "records", "geometry", "caching", "workers", "process_pool"},
     {"assets"},
     {"scene", "rendering"},
     {"grasping", "motion", "bop", "estimators"},
     {"policies", "envs", "recording"},
-    {"training", "evaluation"},
+    {"metrics"},
+    {"pose_eval", "experiments", "training"},
     {"cli"},
 ]
 LAYER_OF = {room: layer for layer, rooms in enumerate(LAYERS) for room in rooms}

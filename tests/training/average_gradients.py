@@ -6,7 +6,7 @@ from pathlib import Path
 
 import torch
 
-from simpick.training.processes import Processes
+from simpick.training.distributed import Processes
 
 with Processes.from_environment("cpu") as processes:
     model = torch.nn.Linear(3, 2)

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from simpick.rendering import TemplateConfig
-from simpick.training.data_config import DataConfig
-from simpick.training.shard import Shard
-from simpick.training.shard_factory import make_shard
-from simpick.training.train_config import TrainConfig
+from simpick.training.data.data_config import DataConfig
+from simpick.training.data.shard import Shard
+from simpick.training.data.shard_factory import make_shard
+from simpick.training.config import TrainConfig
 
 TINY = DataConfig(
     queries=6,

@@ -9,14 +9,14 @@ import pytest
 
 import simpick
 import simpick.estimators
-from simpick.estimators.raypose.config import RayPoseConfig
+from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.estimator import RayPoseEstimatorConfig
-from simpick.estimators.raypose.losses import LossWeights
+from simpick.estimators.raypose.network.losses import LossWeights
 from simpick.estimators.refiner.config import AlignmentLevel, RefinerConfig
-from simpick.training.augmentation import AugmentationConfig
-from simpick.training.data_config import DataConfig
-from simpick.training.machine import Machine
-from simpick.training.train_config import TrainConfig
+from simpick.training.data.augmentation import AugmentationConfig
+from simpick.training.data.data_config import DataConfig
+from simpick.training.resources import Machine
+from simpick.training.config import TrainConfig
 
 CONFIGS = (
     AlignmentLevel,
@@ -53,7 +53,7 @@ def test_every_field_is_read(config: type) -> None:
 
 
 def test_every_weight_has_a_loss_of_its_name() -> None:
-    from simpick.estimators.raypose import losses
+    from simpick.estimators.raypose.network import losses
 
     named = {field.name for field in fields(LossWeights)}
     terms = {n.value for n in ast.walk(ast.parse(Path(losses.__file__).read_text())) if isinstance(n, ast.Constant)}

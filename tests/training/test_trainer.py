@@ -11,11 +11,11 @@ import torch
 
 from simpick.errors import ConfigError, SimpickError
 from simpick.estimators.raypose.checkpoints import load_checkpoint
-from simpick.estimators.raypose.config import preset
-from simpick.estimators.raypose.losses import LossWeights
+from simpick.estimators.raypose.network.config import preset
+from simpick.estimators.raypose.network.losses import LossWeights
 from simpick.training import trainer
-from simpick.training.machine import Machine
-from simpick.training.train_config import TrainConfig
+from simpick.training.resources import Machine
+from simpick.training.config import TrainConfig
 from simpick.training.trainer import Budget, train
 from tests.training.conftest import TINY, TINY_TRAINING
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import torch
 
-from simpick.estimators.raypose.config import preset
-from simpick.estimators.raypose.model import RayPose
-from simpick.estimators.raypose.pose_maps import ViewPoses
-from simpick.estimators.raypose.schedule import make_schedule
+from simpick.estimators.raypose.network.config import preset
+from simpick.estimators.raypose.network.model import RayPose
+from simpick.estimators.raypose.network.pose_maps import ViewPoses
+from simpick.estimators.raypose.diffusion.schedule import make_schedule
 from simpick.geometry.torch_rotations import so3_exp
 from simpick.training import validation
-from simpick.training.shard import Shard
+from simpick.training.data.shard import Shard
 from simpick.training.validation import Validation
 from tests.training.conftest import TINY_TRAINING
 

@@ -4,10 +4,10 @@ import dataclasses
 
 import torch
 
-from simpick.estimators.raypose.config import RayPoseConfig, preset
-from simpick.estimators.raypose.model import RayPose
-from simpick.estimators.raypose.pose_maps import ViewPoses
-from simpick.estimators.raypose.tokens import Conditioning, QueryInputs, TemplateInputs
+from simpick.estimators.raypose.network.config import RayPoseConfig, preset
+from simpick.estimators.raypose.network.model import RayPose
+from simpick.estimators.raypose.network.pose_maps import ViewPoses
+from simpick.estimators.raypose.network.tokens import Conditioning, QueryInputs, TemplateInputs
 from simpick.geometry.torch_rotations import random_rotations
 
 TINY = dataclasses.replace(preset("tiny"), templates=3)

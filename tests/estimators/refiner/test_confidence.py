@@ -14,7 +14,7 @@ from simpick.estimators.refiner.confidence import (
     fit_confidence,
     read_confidence,
 )
-from simpick.evaluation.refiner_calibration import write_confidence
+from simpick.pose_eval.refiner_calibration import write_confidence
 from simpick.records import PoseHypothesis
 
 

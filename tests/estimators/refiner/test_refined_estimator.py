@@ -12,7 +12,7 @@ from simpick.estimators import PoseEstimator
 from simpick.estimators.refiner import RefinedEstimator, read_confidence
 from simpick.estimators.refiner.confidence import Confidence
 from simpick.estimators.refiner.flipped_starts import with_flips
-from simpick.evaluation.perceptions import make_estimator
+from simpick.experiments.perceptions import make_estimator
 from simpick.records import PoseEstimate, PoseHypothesis
 from tests.estimators.refiner.scenes import T_TRUE, frame_of, start
 

@@ -1,0 +1,1 @@
+"""Crops of queries and templates, and the choice of templates."""

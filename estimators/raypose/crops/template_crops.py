@@ -1,0 +1,110 @@
+"""Crops of a part's rendered views, turned and framed as a detection's crop is, with the geometry that they show."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+from torch.nn import functional as F
+
+from simpick.estimators.raypose.network.config import RayPoseConfig
+from simpick.estimators.raypose.network.pose_maps import ViewPoses
+from simpick.estimators.raypose.crops.virtual_recrops import aim_recrops, sample_recrops
+from simpick.estimators.raypose.network.tokens import TemplateInputs
+from simpick.geometry import SymmetryGroup, invert, transform, transform_points, turned_boxes
+from simpick.rendering import TemplateSet
+
+
+@dataclass(frozen=True, eq=False)
+class TemplateCrops:
+    """Views of one part, as the network sees them."""
+
+    rgb: Float[Tensor, "n 3 size size"]
+    masks: Float[Tensor, "n size size"]
+    points_m: Float[Tensor, "n cells 3"]
+    """Mean position in the part's frame of what each cell shows; 0 where it shows nothing. Cells are those of
+    `RayPoseConfig.geometry_cells`."""
+    coverage: Float[Tensor, "n cells"]
+    half_tangent: Float[np.ndarray, "n"]
+    Ts_crop_part: Float[np.ndarray, "n 4 4"]
+
+    def __len__(self) -> int:
+        return len(self.half_tangent)
+
+    def nearest_to(self, T_crop_part: Float[np.ndarray, "4 4"], symmetries: SymmetryGroup) -> TemplateCrops:
+        """Return the same images with those of their equivalent poses that are turned least against `T_crop_part`.
+
+        Templates of a symmetric part then tell one story: the same place of the part has the same position in all.
+        """
+        if symmetries.is_trivial:
+            return self
+        Ts = symmetries.closest_equivalent(self.Ts_crop_part, T_crop_part)
+        Ts_new_old = invert(Ts) @ self.Ts_crop_part
+        moved = transform_points(Ts_new_old, self.points_m.double().numpy())
+        points_m = torch.tensor(moved, dtype=torch.float32) * (self.coverage > 0)[..., None]
+        return dataclasses.replace(self, points_m=points_m, Ts_crop_part=Ts)
+
+
+def crop_templates(
+    templates: TemplateSet,
+    views: Int[np.ndarray, "n"],
+    angles_rad: Float[np.ndarray, "n"],
+    config: RayPoseConfig,
+    *,
+    shift: Float[np.ndarray, "n 2"] | None = None,
+    zoom: Float[np.ndarray, "n"] | None = None,
+) -> TemplateCrops:
+    """Return the given views turned clockwise by the angles, each framed by its silhouette's box.
+
+    `shift` moves each box by this share of its longer side, `zoom` enlarges it: what other distances and places of a
+    template's camera would do.
+    """
+    source, focal = templates.camera.width, np.full(len(views), templates.camera.fx)
+    boxes = turned_boxes(templates.masks[views], angles_rad[:, None])[:, 0]
+    centre, size = (boxes[:, :2] + boxes[:, 2:]) / 2, boxes[:, 2:] - boxes[:, :2]
+    if shift is not None:
+        centre = centre + shift * size.max(axis=1, keepdims=True)
+    if zoom is not None:
+        size = size * zoom[:, None]
+    boxes = np.concatenate([centre - size / 2, centre + size / 2], axis=1)
+    recrops = aim_recrops(source, focal, angles_rad, boxes, config.crop_px, padding=config.padding)
+    rgb = torch.from_numpy(templates.rgb[views]).permute(0, 3, 1, 2).float() / 255
+    mask = torch.from_numpy(templates.masks[views])[:, None].float()
+    points_m = _points_in_part(templates, views) * mask
+    sampled = sample_recrops(torch.cat([rgb, mask], dim=1), focal, recrops)
+    geometry = sample_recrops(torch.cat([mask, points_m], dim=1), focal, recrops.halved())
+    cells = F.adaptive_avg_pool2d(geometry, config.geometry_cells).flatten(2).mT  # (n, cells, 4)
+    coverage = cells[..., 0]
+    mean = cells[..., 1:] / coverage.clamp_min(1e-6)[..., None] * (coverage > 1e-3)[..., None]
+    Ts_crop_part = transform(recrops.Rs_crop_source) @ templates.Ts_camera_part[views]
+    return TemplateCrops(sampled[:, :3], sampled[:, 3], mean, coverage, recrops.half_tangent, Ts_crop_part)
+
+
+def collate(sets: Sequence[TemplateCrops], diameters_m: Sequence[float]) -> TemplateInputs:
+    """Return sets of equally many crops as one batch for the network."""
+    diameter_m = torch.tensor(np.asarray(diameters_m), dtype=torch.float32)
+    half_tangent = torch.tensor(np.stack([s.half_tangent for s in sets]), dtype=torch.float32)
+    Ts = torch.tensor(np.stack([s.Ts_crop_part for s in sets]), dtype=torch.float32)
+    return TemplateInputs(
+        torch.stack([s.rgb for s in sets]),
+        torch.stack([s.masks for s in sets]),
+        half_tangent,
+        ViewPoses.of(Ts, half_tangent),
+        torch.stack([s.points_m for s in sets]) / diameter_m[:, None, None, None],
+        torch.stack([s.coverage for s in sets]),
+        diameter_m,
+    )
+
+
+def _points_in_part(templates: TemplateSet, views: Int[np.ndarray, "n"]) -> Float[Tensor, "n 3 size size"]:
+    """Return where in the part's frame each pixel's surface lies, in metres; meaningless beside the part."""
+    rays = torch.tensor(templates.camera.rays(), dtype=torch.float32)  # (size, size, 3)
+    depth_m = torch.from_numpy(templates.depth_m[views])
+    T_part_camera = torch.tensor(invert(templates.Ts_camera_part[views]), dtype=torch.float32)
+    points = torch.einsum("nij,yxj->niyx", T_part_camera[:, :3, :3], rays) * depth_m[:, None]
+    return points + T_part_camera[:, :3, 3, None, None]

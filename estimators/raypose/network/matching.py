@@ -1,0 +1,94 @@
+"""Matching: for each cell of the query, which template geometry its descriptor looks like.
+
+Not in the paper. Cross-attention can learn to do this, but needs millions of samples to begin; a descriptor with a
+contrastive loss begins at once, and rendered templates know where in the part each of their cells lies.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from simpick.estimators.raypose.network.pose_maps import ViewPoses
+from simpick.estimators.raypose.network.pose_solver import SolvedPoses
+
+MIN_COVERAGE = 0.3
+"""A template cell of which the part covers less cannot be matched."""
+FEATURES = 11
+"""Of `Matches.features`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Matches:
+    """What each query cell matched, over all templates that it could see."""
+
+    log_probabilities: Float[Tensor, "batch query_cells template_cells"]
+    """Of template cells (templates x cells of each), for each query cell."""
+    points: Float[Tensor, "batch query_cells 3"]
+    """Expected position in the part's frame, in diameters."""
+    spread: Float[Tensor, "batch query_cells"]
+    """Standard deviation of that position, in diameters."""
+    likeness: Float[Tensor, "batch query_cells"]
+    """Cosine of the most similar descriptor."""
+    weights: Float[Tensor, "batch query_cells"]
+    """How much each cell is to be trusted, in [0, 1]."""
+
+    def features(
+        self,
+        solved: SolvedPoses,
+        reference: ViewPoses,
+        scale: Float[Tensor, "batch views"],
+        coverage: Float[Tensor, "batch query_cells"],
+        places: Float[Tensor, "batch query_cells 2"],
+    ) -> Float[Tensor, "batch views query_cells 11"]:
+        """Return what the decoder is told of each cell, for each view.
+
+        Where in the reference view the match lies (3), the solved pose's residual (2), its place (2), spread,
+        likeness, weight and coverage. `scale` is the part's diameter over each reference view's reach.
+        """
+        turned = torch.einsum("bkij,bnj->bkni", reference.R, self.points) * scale[..., None, None]
+        views = turned.shape[1]
+        own = torch.stack([self.spread * 4, self.likeness, self.weights, coverage], dim=-1)  # (batch, cells, 4)
+        shared = torch.cat([own, places], dim=-1)
+        return torch.cat([turned, 4 * solved.residuals, shared[:, None].expand(-1, views, -1, -1)], dim=-1)
+
+
+class Matcher(nn.Module):
+    """Descriptors of unit length and a learned temperature."""
+
+    def __init__(self, inputs: int, width: int) -> None:
+        super().__init__()
+        self.project = nn.Conv2d(inputs, width, 1)
+        self.log_temperature = nn.Parameter(torch.tensor(math.log(25.0)))
+        self.trust = nn.Sequential(nn.Linear(width + 3, 32), nn.ReLU(), nn.Linear(32, 1))
+
+    def describe(self, features: Float[Tensor, "batch inputs h w"]) -> Float[Tensor, "batch cells width"]:
+        """Return one descriptor for each cell, row by row."""
+        return F.normalize(self.project(features).flatten(2).mT, dim=-1)
+
+    def match(
+        self,
+        query: Float[Tensor, "batch query_cells width"],
+        templates: Float[Tensor, "batch template_cells width"],
+        points: Float[Tensor, "batch template_cells 3"],
+        coverage: Float[Tensor, "batch template_cells"],
+        query_coverage: Float[Tensor, "batch query_cells"],
+    ) -> Matches:
+        """Return what each query cell matches among all template cells; positions in diameters of the part."""
+        cosine = query @ templates.mT  # (batch, query cells, template cells)
+        covered = (coverage >= MIN_COVERAGE)[:, None]
+        logits = cosine * self.log_temperature.exp().clamp(max=100.0)
+        log_probabilities = logits.masked_fill(~covered, -1e4).log_softmax(dim=-1)
+        weights = log_probabilities.exp()
+        mean = weights @ points  # (batch, query cells, 3)
+        square = (weights @ points.square()).sum(dim=-1)
+        spread = (square - mean.square().sum(dim=-1) + 1e-6).clamp_min(1e-6).sqrt()
+        likeness = cosine.masked_fill(~covered, -1.0).amax(dim=-1)
+        hints = torch.stack([spread * 4, likeness, query_coverage], dim=-1)
+        trust = self.trust(torch.cat([query, hints], dim=-1)).squeeze(-1).sigmoid()
+        return Matches(log_probabilities, mean, spread, likeness, trust * (query_coverage > MIN_COVERAGE))

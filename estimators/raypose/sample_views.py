@@ -1,0 +1,23 @@
+"""From conditioning to poses: sample every template's maps and decode them."""
+
+from __future__ import annotations
+
+import torch
+
+from simpick.estimators.raypose.network.model import RayPose
+from simpick.estimators.raypose.network.pose_maps import CHANNELS, ViewPoses, decode_pose_maps
+from simpick.estimators.raypose.diffusion.sampler import sample
+from simpick.estimators.raypose.diffusion.schedule import Schedule
+from simpick.estimators.raypose.network.tokens import Conditioning
+
+
+def sample_views(
+    model: RayPose, conditioning: Conditioning, schedule: Schedule, steps: int, generator: torch.Generator
+) -> ViewPoses:
+    """Return every template's hypothesis, leading dimensions (batch, views); noise comes from `generator`."""
+    config, reference = model.config, conditioning.reference
+    shape = (*reference.reach_m.shape, config.map_cells, config.map_cells, CHANNELS)
+    # The same noise for every query, so that an answer does not depend on its place in the batch.
+    noise = torch.randn(shape[1:], generator=generator).to(reference.reach_m.device).expand(shape)
+    maps = sample(lambda noisy, log_snr: model.denoise(noisy, log_snr, conditioning), noise, schedule, steps)
+    return decode_pose_maps(maps.float(), reference, config.padding)

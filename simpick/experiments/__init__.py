@@ -1,0 +1,1 @@
+"""Closed-loop experiments: runs, comparisons, sweeps, and where their results come from."""

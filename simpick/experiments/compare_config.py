@@ -1,0 +1,57 @@
+"""What one comparison is: the modes, and the bins that every mode gets to pick."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import tyro
+
+from simpick.errors import ConfigError
+from simpick.experiments.modes import ORACLE, ORACLE_NOISE, Mode, check_modes, parse_mode
+from simpick.experiments.run_config import CellConfig, RunConfig
+
+
+@dataclass(frozen=True)
+class CompareConfig(CellConfig):
+    """Modes that pick the same bins: episode k is the bin of seed ``seed + k`` for each of them."""
+
+    modes: tyro.conf.Positional[tuple[str, ...]] = (ORACLE, ORACLE_NOISE, "retrieval")
+    """Modes to compare, each held against the first and against the one before: oracle (true poses), oracle_noise (true
+    poses, blurred), retrieval, retrieval_refined, coarse, fine, refined, or one that another package registers. NAME@K,
+    such as refined@8, asks an estimator for K hypotheses a part; +closer behind a mode, such as retrieval+closer, adds
+    a second look through the wrist camera before each grasp."""
+    episodes: int = 10
+    """How many bins each mode picks."""
+    noise_deg: float = 5.0
+    """Mode oracle_noise: median rotation error added to the true poses, in degrees."""
+    noise_mm: float = 5.0
+    """Mode oracle_noise: median translation error added to the true poses, in millimetres."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if min(self.noise_deg, self.noise_mm) < 0 or self.noise_deg + self.noise_mm == 0:
+            raise ConfigError(
+                "noise_deg and noise_mm must be zero or more and not both zero (that is the mode oracle), "
+                f"got {self.noise_deg:g} and {self.noise_mm:g}"
+            )
+
+    def run_configs(self) -> dict[str, RunConfig]:
+        """Return the run that each mode stands for.
+
+        Raises:
+            ConfigError: a mode is missing, misspelt, named twice, unknown, or cannot be made.
+        """
+        check_modes(self.modes)
+        return {str(mode): self._run_config(mode) for mode in map(parse_mode, self.modes)}
+
+    def _run_config(self, mode: Mode) -> RunConfig:
+        cell = {field.name: getattr(self, field.name) for field in fields(CellConfig)}
+        if mode.name == ORACLE_NOISE:
+            return RunConfig(
+                **cell,
+                perception=ORACLE,
+                noise_deg=self.noise_deg,
+                noise_mm=self.noise_mm,
+                look_closer=mode.look_closer,
+            )
+        return RunConfig(**cell, perception=mode.name, hypotheses=mode.hypotheses, look_closer=mode.look_closer)

@@ -1,0 +1,90 @@
+"""A comparison as a whole: its configuration, its folder, its episodes, and what they amount to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from simpick.experiments.compare_config import CompareConfig
+from simpick.experiments.episodes import recording_file, validate
+from simpick.experiments.analysis.failure_causes import Failure, find_failures
+from simpick.experiments.modes import ORACLE
+from simpick.experiments.analysis.paired import PairedStatistics, compare_modes, paired_bins
+from simpick.experiments.result_store import EpisodeResult, ResultStore
+from simpick.experiments.run_config import RunConfig
+from simpick.experiments.provenance import run_identity
+from simpick.experiments.runs import Job, run_jobs
+
+COMPARE_FILE = "compare.json"
+BOOTSTRAP_SEED = 0
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Modes, the bins that they pick, and the results so far."""
+
+    config: CompareConfig
+    runs: dict[str, RunConfig]
+    """By the mode's full name, in the order asked for."""
+    store: ResultStore
+
+    @staticmethod
+    def open(config: CompareConfig, folder: Path, *, overwrite: bool = False) -> Comparison:
+        """Check everything and open the folder, made if missing.
+
+        Raises:
+            SimpickError: a mode, part or setting is amiss, or `folder` holds something else; nothing was run.
+        """
+        runs = config.run_configs()
+        # The cell is the same for all modes, whose estimators were checked just now.
+        validate(next(iter(runs.values())))
+        identity = run_identity(config, runs.values())
+        store = ResultStore(folder, identity, overwrite=overwrite, config_file=COMPARE_FILE)
+        return Comparison(config, runs, store)
+
+    @property
+    def modes(self) -> tuple[str, ...]:
+        """Return the modes' full names."""
+        return tuple(self.runs)
+
+    @property
+    def results(self) -> tuple[EpisodeResult, ...]:
+        """Return the finished episodes that were asked for."""
+        return tuple(r for r in self.store.results if r.mode in self.runs)
+
+    def run(
+        self,
+        *,
+        record: bool = False,
+        workers: int = 1,
+        ray_address: str | None = None,
+        console: Console | None = None,
+    ) -> None:
+        """Run the missing episodes: all modes of one bin, then of the next, so that half a comparison is paired.
+
+        Raises:
+            SimpickError: a worker died, the disk is full, or the cluster cannot be used; what was finished is kept.
+        """
+        jobs = [Job(run, episode) for episode in range(self.config.episodes) for run in self.runs.values()]
+        run_jobs(jobs, self.store, record=record, workers=workers, ray_address=ray_address, console=console)
+
+    def paired(self) -> dict[str, list[EpisodeResult]]:
+        """Return each mode's results of the bins that all finished."""
+        return paired_bins(self.results, self.modes)
+
+    def statistics(self) -> PairedStatistics:
+        """Return figures and paired differences with their intervals, the same each time."""
+        return compare_modes(self.results, self.modes, np.random.default_rng(BOOTSTRAP_SEED))
+
+    def failures(self) -> dict[str, list[Failure]]:
+        """Return each mode's failures in the paired bins, held against the oracle's picks if it takes part."""
+        paired = self.paired()
+        return {mode: find_failures(paired[mode], paired.get(ORACLE, [])) for mode in self.modes}
+
+    def recording(self, result: EpisodeResult) -> Path | None:
+        """Return the recording of an episode; None if it was run without."""
+        file = recording_file(self.store.folder, self.runs[result.mode], result.episode)
+        return file if file.exists() else None

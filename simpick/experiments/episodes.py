@@ -1,0 +1,202 @@
+"""Running episodes: an environment, a policy and a recorder, from a configuration to an `EpisodeResult`."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from simpick.assets.library import library_part_names
+from simpick.assets.part import Part
+from simpick.envs.bin_pick import BinPickEnv
+from simpick.envs.observations import frame_from_observation
+from simpick.metrics.models import EvaluationModel
+from simpick.experiments.perceptions import make_perception, make_refiner
+from simpick.metrics.pose_errors import pose_error
+from simpick.experiments.result_store import EpisodeResult
+from simpick.experiments.run_config import CellConfig, RunConfig
+from simpick.geometry import invert
+from simpick.policies import PickPolicy
+from simpick.policies.pick_policy import Decision
+from simpick.recording.base import NullRecorder, Recorder
+from simpick.records import CameraFrame, InstanceTruth, PickOutcome, PickRecord
+from simpick.scene import BinConfig, SceneConfig
+
+
+def make_scene_config(config: CellConfig) -> SceneConfig:
+    """Return what stands in the cell.
+
+    Raises:
+        ConfigError, UnknownNameError: a setting is out of range, or a name does not exist.
+    """
+    length_m, width_m, depth_m = (side / 1000 for side in config.bin_mm)
+    return SceneConfig(
+        parts=config.parts or tuple(library_part_names()),
+        count=config.count,
+        robot=config.robot,
+        gripper=config.gripper,
+        bin=BinConfig(length_m, width_m, depth_m),
+        randomization=config.randomization,
+    )
+
+
+def make_env(config: CellConfig) -> BinPickEnv:
+    """Return the environment that a configuration asks for."""
+    return BinPickEnv(scene_config=make_scene_config(config), max_consecutive_failures=config.max_consecutive_failures)
+
+
+def validate(config: RunConfig) -> None:
+    """Check every name, part and setting of a run, before anything is simulated or written.
+
+    Raises:
+        SimpickError: something is amiss; the message says what and what to do.
+    """
+    env = make_env(config)
+    make_perception(config, env, np.random.default_rng(0))
+    env.close()
+
+
+def make_policy(config: RunConfig, env: BinPickEnv, seed: int) -> PickPolicy:
+    """Return the policy that a configuration asks for; what is random in its perception follows from `seed`."""
+    perception = make_perception(config, env, np.random.default_rng([seed, 1]))
+    refiner = make_refiner(config, env) if config.look_closer else None
+    return PickPolicy(perception, env.parts, env.scene_config, look_closer=refiner)
+
+
+def run_episode(
+    config: RunConfig,
+    episode: int,
+    *,
+    env: BinPickEnv | None = None,
+    recorder: Recorder | None = None,
+    on_pick: Callable[[PickRecord], None] | None = None,
+) -> EpisodeResult:
+    """Run one episode of `config` and return what happened; closes an environment that it made itself.
+
+    Everything but the wall-clock timings follows from the configuration and the episode's number.
+    """
+    own_env = env is None
+    env = make_env(config) if env is None else env
+    recorder = NullRecorder() if recorder is None else recorder
+    try:
+        return _run_episode(config, episode, env, recorder, on_pick or (lambda pick: None))
+    finally:
+        env.on_tick = env.on_stage = env.on_look = None
+        if own_env:
+            env.close()
+
+
+def _run_episode(
+    config: RunConfig, episode: int, env: BinPickEnv, recorder: Recorder, on_pick: Callable[[PickRecord], None]
+) -> EpisodeResult:
+    start = time.perf_counter()
+    seed = config.seed + episode
+    policy = make_policy(config, env, seed)
+    observation, info = env.reset(seed=seed)
+    timings_s = {"reset": time.perf_counter() - start}
+    recorder.start_episode(
+        episode_id=episode_id(config, episode),
+        config=config.to_json() | {"episode": episode},
+        model=env.scene.model,
+        data=env.scene.data,
+        parts=env.parts,
+    )
+    env.on_tick = lambda scene: recorder.tick(scene.data)
+    env.on_stage = recorder.stage
+    if config.look_closer:
+        env.on_look = lambda frame, T_world_tcp: _look(policy, recorder, frame, T_world_tcp)
+    picks: list[PickRecord] = []
+    ended = "cleared" if info["is_success"] else ""
+    while not ended:
+        truth = env.truth()
+        render_s = env.timings_s["render"]
+        recorder.start_pick(len(picks))
+        frame = frame_from_observation(observation)
+        action = policy.act(observation)
+        decision = policy.decision
+        recorder.frame("overhead", frame)
+        recorder.detections("overhead", decision.percept.detections)
+        recorder.estimates(frame.T_world_camera, decision.percept.estimates)
+        if decision.grasp is not None:
+            recorder.grasp(decision.grasp.T_world_tcp)
+        observation, _, _, _, info = env.step(action)
+        ended = info["ended"]
+        pick = complete_record(info["pick"], policy, truth, frame.T_world_camera, env)
+        waited_s = {"render": render_s, **decision.percept.timings_s, "plan": decision.plan_s}
+        pick = dataclasses.replace(
+            pick, timings_s={**waited_s, "look": env.timings_s["look"], "simulate": env.timings_s["simulate"]}
+        )
+        recorder.end_pick(pick)
+        on_pick(pick)
+        picks.append(pick)
+    instances = tuple(instance.part.name for instance in env.scene.instances)
+    timings_s["wall"] = time.perf_counter() - start
+    result = EpisodeResult(episode, seed, instances, tuple(picks), ended, timings_s, config.mode)
+    recorder.end_episode(result.summary())
+    return result
+
+
+def _look(policy: PickPolicy, recorder: Recorder, frame: CameraFrame, T_world_tcp: np.ndarray) -> np.ndarray | None:
+    """Look closer, and record what was seen."""
+    corrected = policy.look(frame, T_world_tcp)
+    view = policy.closer_view
+    recorder.frame("wrist", frame)
+    recorder.detections("wrist", [] if view is None or view.detection is None else [view.detection])
+    if view is not None:
+        recorder.estimates(frame.T_world_camera, [view])
+    if corrected is not None:
+        recorder.grasp(corrected)
+    return corrected
+
+
+def complete_record(
+    pick: PickRecord,
+    policy: PickPolicy,
+    truth: tuple[InstanceTruth, ...],
+    T_world_camera: np.ndarray,
+    env: BinPickEnv,
+) -> PickRecord:
+    """Return the environment's record with what only the policy knows: target, pose error, why it abstained.
+
+    The error is that of the pose that was picked by: the one from the wrist, where a closer look found the part.
+    """
+    decision, T_world_target = policy.decision, policy.T_world_target
+    if decision.abstained is not None:
+        return dataclasses.replace(pick, outcome=decision.abstained, cause=_abstention(decision))
+    target = decision.target
+    assert target is not None and target.detection is not None and T_world_target is not None
+    instance = target.detection.instance
+    true_pose = next((t.T_world_part for t in truth if t.instance == instance), None)
+    error = None
+    if true_pose is not None:
+        part = next(p for p in env.parts if p.name == target.part)
+        T_camera_world = invert(T_world_camera)
+        error = pose_error(T_camera_world @ T_world_target, T_camera_world @ true_pose, _evaluation_model(part))
+    return dataclasses.replace(pick, target_part=target.part, target_instance=instance, pose_error=error)
+
+
+@lru_cache(maxsize=64)
+def _evaluation_model(part: Part) -> EvaluationModel:
+    """Return a part's evaluation model; its hull, search tree and symmetries are computed once and not once a pick."""
+    return EvaluationModel.of(part)
+
+
+def _abstention(decision: Decision) -> str:
+    if decision.abstained is PickOutcome.NOTHING_DETECTED:
+        return "look: the detector found no part"
+    seen = len(decision.percept.estimates)
+    return f"plan: every grasp on the {seen} estimated parts was filtered out"
+
+
+def episode_id(config: RunConfig, episode: int) -> str:
+    """Return the name of an episode and of its recording."""
+    return f"{config.mode}_{config.gripper}_seed{config.seed + episode:04d}"
+
+
+def recording_file(folder: Path, config: RunConfig, episode: int) -> Path:
+    """Return where an episode's recording lies."""
+    return folder / f"{episode_id(config, episode)}.rrd"

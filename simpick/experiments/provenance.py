@@ -1,0 +1,38 @@
+"""What results depend on: settings, versions, the parts' shapes and grasps, weights. Results of two do not mix."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from importlib.metadata import version
+from typing import Any
+
+from simpick.assets.library import get_part, library_part_names
+from simpick.caching import cache_key
+from simpick.experiments.provenance_changes import GRASPS, MODE_DATA, PART_CONTENT, VERSIONS
+from simpick.experiments.mode_files import mode_data
+from simpick.experiments.run_config import CellConfig, RunConfig
+from simpick.grasping.store import recipe, shipped_path
+
+_PACKAGES = ("simpick", "mujoco", "torch")
+
+
+def run_identity(config: CellConfig, runs: Iterable[RunConfig]) -> dict[str, Any]:
+    """Return what the results of `config`, which stands for these runs, depend on, for a `ResultStore`.
+
+    Beside the settings these are versions, each mode's weights, the verified grasps, and the parts that the user
+    brought: the file behind a name may change, and results of one must not be taken for those of another.
+
+    Raises:
+        UnknownPartError, MeshError: a part does not exist or cannot be read.
+        CheckpointError: a mode's weights are missing.
+    """
+    library = library_part_names()
+    own = {name: get_part(name).content_hash for name in config.parts if name not in library}
+    stored = [shipped_path(name, config.gripper) for name in config.parts or library if name not in own]
+    grasps = cache_key(1, recipe(config.gripper), *(f.read_bytes() for f in stored if f.is_file()))
+    identity = config.to_json() | {
+        VERSIONS: {name: version(name) for name in _PACKAGES},
+        MODE_DATA: {run.mode: mode_data(run) for run in runs},
+        GRASPS: grasps,
+    }
+    return identity | ({PART_CONTENT: own} if own else {})

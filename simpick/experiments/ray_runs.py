@@ -1,0 +1,102 @@
+"""Episodes on a Ray cluster: one actor a core, which keeps its estimators onboarded from job to job."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from simpick.caching import atomic_write_bytes
+from simpick.errors import SimpickError
+from simpick.experiments.episodes import recording_file
+from simpick.experiments.result_store import EpisodeResult
+from simpick.experiments.run_config import RunConfig
+
+RETRIES = 2
+"""How often an episode is begun again after the machine or process that ran it went away."""
+
+
+class EpisodeActor:
+    """Runs episodes in a process of the cluster."""
+
+    def run(self, config: RunConfig, episode: int, record: bool) -> tuple[EpisodeResult, bytes | None]:
+        """Return an episode's result and its recording, which may be made on a machine with other disks."""
+        from simpick.experiments.runs import run_recorded
+
+        if not record:
+            return run_recorded(config, episode, None), None
+        with tempfile.TemporaryDirectory() as folder:
+            result = run_recorded(config, episode, Path(folder))
+            return result, recording_file(Path(folder), config, episode).read_bytes()
+
+
+def results_from_ray(
+    jobs: Sequence[tuple[RunConfig, int]], folder: Path | None, address: str
+) -> Iterator[EpisodeResult]:
+    """Run episodes on the cluster at `address` and yield their results as they end.
+
+    ``local`` starts a cluster on this machine, ``auto`` takes the one that this machine belongs to. simpick and mesh
+    files must be installed at the same paths on every machine. Recordings are brought to `folder`.
+
+    Raises:
+        SimpickError: Ray is not installed, no cluster answers, or a machine went away again and again.
+    """
+    ray = _connect(address)
+    try:
+        cores = int(ray.cluster_resources().get("CPU", 1))
+        actor_class = ray.remote(num_cpus=1, max_restarts=RETRIES, max_task_retries=RETRIES)(EpisodeActor)
+        idle = [actor_class.remote() for _ in range(min(cores, len(jobs)))]
+        waiting, running = iter(jobs), {}
+        while True:
+            while idle and (job := next(waiting, None)) is not None:
+                actor = idle.pop()
+                running[actor.run.remote(*job, folder is not None)] = actor, job
+            if not running:
+                return
+            (done,), _ = ray.wait(list(running), num_returns=1)
+            actor, (config, episode) = running.pop(done)
+            idle.append(actor)
+            yield _received(ray, done, config, episode, folder)
+    finally:
+        ray.shutdown()
+
+
+def _connect(address: str) -> Any:
+    """Return the `ray` module, connected."""
+    # Ray reports its use to its makers unless told otherwise, and a run of simpick needs no network of its own.
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    try:
+        ray = import_module("ray")
+    except ImportError as error:
+        raise SimpickError(
+            "--ray needs the package ray, which is not installed: pip install 'simpick[cluster]'"
+        ) from error
+    options = {"include_dashboard": False} if address == "local" else {}
+    try:
+        ray.init(address=address, log_to_driver=False, **options)
+    except (ConnectionError, ValueError, RuntimeError) as error:
+        first_line = str(error).strip().splitlines()[0]
+        raise SimpickError(
+            f"no Ray cluster answers at {address!r} ({first_line}). Start one with: ray start --head; "
+            "or use --ray local for this machine alone"
+        ) from error
+    return ray
+
+
+def _received(ray: Any, done: Any, config: RunConfig, episode: int, folder: Path | None) -> EpisodeResult:
+    try:
+        result, recording = ray.get(done)
+    except ray.exceptions.RayTaskError as error:
+        # An error that simpick raised on purpose is complete as it is.
+        raise error.cause if isinstance(error.cause, SimpickError) else error from error
+    except ray.exceptions.RayError as error:
+        raise SimpickError(
+            f"the Ray cluster lost episode {episode} of {config.mode} {RETRIES + 1} times "
+            f"({type(error).__name__}). What was finished is kept: run the same command again to go on"
+        ) from error
+    if folder is not None and recording is not None:
+        atomic_write_bytes(recording_file(folder, config, episode), recording)
+    return result

@@ -1,0 +1,102 @@
+"""A comparison as tables for the terminal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from rich.box import SIMPLE
+from rich.table import Table
+
+from simpick.experiments.analysis.failure_causes import Failure, FailureCause, count_causes
+from simpick.metrics.intervals import Interval
+from simpick.experiments.analysis.paired import MEASURES, Measure, PairedStatistics
+
+DIFFERENCES = ("grasp_success", "first_try", "clearance", "mpph", "rotation_deg", "translation_mm")
+"""Measures whose differences are told."""
+TABLE_MEASURES = 3
+"""Columns of a table: as many as fit beside the longest names of modes in 80 columns."""
+
+
+def number(value: float, measure: Measure, *, sign: bool = False) -> str:
+    """Return a value as it is read, without its unit."""
+    if math.isnan(value):
+        return "-"
+    digits = 0 if measure.key == "mpph" else 2 if measure.unit in ("s", "deg", "mm") else 1
+    return f"{value:{'+' if sign else ''}.{digits}f}"
+
+
+def with_interval(interval: Interval, measure: Measure, *, sign: bool = False) -> str:
+    """Return a value with its interval, such as ``69.9 (60.1 to 78.0)``, on two lines."""
+    if math.isnan(interval.low):
+        return number(interval.value, measure, sign=sign)
+    low, high = (number(bound, measure, sign=sign) for bound in (interval.low, interval.high))
+    return f"{number(interval.value, measure, sign=sign)}\n({low} to {high})"
+
+
+def heading(measure: Measure) -> str:
+    """Return a measure's title with its unit."""
+    return f"{measure.title}, {measure.unit}" if measure.unit else measure.title
+
+
+def modes_tables(statistics: PairedStatistics) -> list[Table]:
+    """Return the figures: a row for each mode, a column for each measure."""
+    title = f"{len(statistics.bins)} paired bins, 95 % intervals"
+    return _tables(title, "mode", [(mode, statistics.measures[mode]) for mode in statistics.modes], MEASURES)
+
+
+def differences_tables(statistics: PairedStatistics) -> list[Table]:
+    """Return the paired differences: a row for each pair of modes, a column for each measure; * excludes zero."""
+    rows = [(f"{d.mode}\n- {d.against}", d.measures) for d in statistics.differences]
+    shown = [measure for measure in MEASURES if measure.key in DIFFERENCES]
+    title = "differences over the same bins; * where the 95 % interval excludes zero"
+    return _tables(title, "modes", rows, shown, differences=True) if rows else []
+
+
+def causes_table(failures: Mapping[str, Sequence[Failure]]) -> Table:
+    """Return what each mode's failures are blamed on: a row for each mode, a column for each cause."""
+    # No padding and broken headings, so that the longest name, ``retrieval_refined@50+closer``, fits into 80 columns.
+    table = Table(box=SIMPLE, padding=0, pad_edge=False, title="failed looks of the same bins, by cause")
+    table.add_column("mode", overflow="fold")
+    for title in cause_headings():
+        table.add_column(title.replace(" ", "\n"), justify="right", no_wrap=True)
+    for mode, of_mode in failures.items():
+        table.add_row(mode, *cause_cells(of_mode))
+    return table
+
+
+def cause_headings() -> list[str]:
+    """Return the headings of `cause_cells`."""
+    return [*(cause.value for cause in FailureCause), "all"]
+
+
+def cause_cells(failures: Sequence[Failure]) -> list[str]:
+    """Return how many failures each cause is blamed for, and how many they are in all."""
+    return [*map(str, count_causes(failures).values()), str(len(failures))]
+
+
+def _tables(
+    title: str,
+    label: str,
+    rows: Sequence[tuple[str, Mapping[str, Interval]]],
+    measures: Sequence[Measure],
+    *,
+    differences: bool = False,
+) -> list[Table]:
+    """Return tables of `TABLE_MEASURES` columns, so that any number of modes can be read in 80 columns."""
+    tables = []
+    for first in range(0, len(measures), TABLE_MEASURES):
+        shown = measures[first : first + TABLE_MEASURES]
+        table = Table(box=SIMPLE, title=title if first == 0 else None)
+        table.add_column(label, no_wrap=True)
+        for measure in shown:
+            table.add_column(heading(measure), justify="right")
+        for name, intervals in rows:
+            cells = []
+            for measure in shown:
+                interval = intervals[measure.key]
+                star = "*" if differences and interval.excludes_zero else ""
+                cells.append(with_interval(interval, measure, sign=differences) + star)
+            table.add_row(name, *cells)
+        tables.append(table)
+    return tables

@@ -1,0 +1,110 @@
+"""Measuring the simulator: real-time factor, images a second, share of time outside MuJoCo."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+
+from simpick.envs.bin_pick import BinPickEnv
+from simpick.experiments.episodes import make_env, make_policy, run_episode
+from simpick.experiments.run_config import RunConfig
+from simpick.rendering.scene_renderer import SceneRenderer
+
+PHYSICS = ("mj_step", "mj_forward", "mj_kinematics", "mj_camlight", "mj_collision")
+RENDERING = ("mjr_render", "mjr_readPixels", "mjv_updateScene", "mjr_uploadTexture", "MjrContext")
+IMAGES_TIMED = 20
+
+
+@dataclass(frozen=True)
+class Figures:
+    """What a benchmark found. Times are wall-clock unless said otherwise."""
+
+    attempts: int
+    simulated_s: float
+    """Simulated time of all attempts."""
+    wall_s: float
+    """Of all attempts: simulation, rendering, perception and planning; filling the bins is apart."""
+    reset_s: float
+    """Mean time of filling a bin and making its environment."""
+    steps: int
+    physics_s: float
+    """Spent in MuJoCo's physics functions."""
+    render_s: float
+    """Spent in MuJoCo's rendering functions."""
+    images_per_s: dict[str, float]
+    """For each camera, with depth and instances, and for colour alone."""
+
+
+@contextmanager
+def timed_functions(names: tuple[str, ...]) -> Iterator[Callable[[], float]]:
+    """Time these functions of the `mujoco` module while the context lasts; yields the sum in seconds so far."""
+    total = 0.0
+    originals = {name: getattr(mujoco, name) for name in names if hasattr(mujoco, name)}
+
+    def timed(function: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*args: Any, **kwargs: Any) -> Any:
+            nonlocal total
+            start = time.perf_counter()
+            try:
+                return function(*args, **kwargs)
+            finally:
+                total += time.perf_counter() - start
+
+        return call
+
+    for name, function in originals.items():
+        setattr(mujoco, name, timed(function))
+    try:
+        yield lambda: total
+    finally:
+        for name, function in originals.items():
+            setattr(mujoco, name, function)
+
+
+def measure(config: RunConfig) -> Figures:
+    """Run the episodes of `config` and return what they cost."""
+    wall_s = reset_s = simulated_s = physics_s = render_s = 0.0
+    attempts = 0
+    run_episode(config, 0)  # Fills the caches: grasps, templates, compiled shaders.
+    env = make_env(config)
+    try:
+        policy = make_policy(config, env, config.seed)
+        for episode in range(config.episodes):
+            start = time.perf_counter()
+            observation, info = env.reset(seed=config.seed + episode)
+            policy.reset()
+            filled = time.perf_counter()
+            reset_s += filled - start
+            ended = info["is_success"]
+            with timed_functions(PHYSICS) as physics, timed_functions(RENDERING) as rendering:
+                while not ended:
+                    observation, _, ended, _, info = env.step(policy.act(observation))
+                    simulated_s += info["pick"].motion_s
+                    attempts += 1
+                physics_s += physics()
+                render_s += rendering()
+            wall_s += time.perf_counter() - filled
+        steps = round(simulated_s / env.scene.model.opt.timestep)
+        images_per_s = _images_per_s(env)
+    finally:
+        env.close()
+    return Figures(attempts, simulated_s, wall_s, reset_s / config.episodes, steps, physics_s, render_s, images_per_s)
+
+
+def _images_per_s(env: BinPickEnv) -> dict[str, float]:
+    env.reset(seed=0)
+    with SceneRenderer(env.scene) as renderer:
+        rates = {}
+        for camera in env.scene.cameras:
+            for name, depth in ((f"{camera} colour", False), (f"{camera} colour, depth, instances", True)):
+                renderer.capture(camera, depth=depth, instances=depth)
+                start = time.perf_counter()
+                for _ in range(IMAGES_TIMED):
+                    renderer.capture(camera, depth=depth, instances=depth)
+                rates[name] = IMAGES_TIMED / (time.perf_counter() - start)
+    return rates

@@ -1,0 +1,1 @@
+"""Pose estimators measured on images: fixed bins, BOP data sets, tables."""

@@ -1,0 +1,190 @@
+"""The yardstick: 50 fixed bins of library parts, seen from above, by which every pose estimator is measured.
+
+Bins and seeds are named here and do not change when the library grows. Each is simulated and rendered once; what the
+camera sees is kept on disk, so that an estimator's run costs no more than estimating and scoring.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import zipfile
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import mujoco
+import numpy as np
+
+from simpick.assets.library import get_part
+from simpick.caching import atomic_write_bytes, cache_dir, cache_key
+from simpick.errors import ConfigError, UnknownPartError
+from simpick.pose_eval.bin_images import BinView, view_bin
+from simpick.pose_eval.pose_images import PoseTruth
+from simpick.geometry import Pinhole
+from simpick.records import CameraFrame
+from simpick.scene import SceneConfig
+from simpick.scene.randomization import RANDOMIZATIONS
+
+MIXED_SEEDS = range(41_000, 41_030)
+"""Bins in which each part is drawn from `MIXED_PARTS`."""
+MIXED_COUNTS = (12, 30, 50)
+"""How many parts they hold, in turn: of 12, nearly all lie bare; of 50, half are more or less hidden."""
+HOMOGENEOUS_SEEDS = range(42_000, 42_020)
+"""Bins of one part each, in the order of `HOMOGENEOUS_PARTS`."""
+HOMOGENEOUS_COUNTS = (40, 12)
+"""How many parts they hold, in turn."""
+HOMOGENEOUS_PARTS = (
+    "pipe_tee",
+    "hex_bolt",
+    "l_bracket",
+    "spur_gear",
+    "crane_hook",
+    "sensor_housing",
+    "connecting_rod",
+    "hub_flange",
+    "cable_clip",
+    "eye_bolt",
+    "pipe_elbow",
+    "clevis_fork",
+    "bushing",
+    "terminal_block",
+    "keyed_shaft",
+    "pillow_block",
+    "hex_nut",
+    "hinge_leaf",
+    "crank_arm",
+    "hose_barb",
+)
+MIXED_PARTS = tuple(
+    sorted(
+        (
+            *HOMOGENEOUS_PARTS,
+            "clevis_pin",
+            "snap_clip",
+            "socket_screw",
+            "star_knob",
+            "tri_flange",
+            "vee_pulley",
+            "wing_nut",
+            "z_bracket",
+        )
+    )
+)
+
+# Raise when scenes or images of the same bins would differ by a change of code, which the key does not show.
+_VERSION = 1
+_ARRAYS = ("rgb", "depth_m", "instances", "camera", "T_world_camera", "names", "truths", "Ts_truth", "fractions")
+
+
+@dataclass(frozen=True)
+class YardstickBin:
+    """One of the fixed bins."""
+
+    kind: Literal["mixed", "homogeneous"]
+    seed: int
+    config: SceneConfig
+    """Without the arm: at home it stands out of the overhead camera's sight."""
+
+
+def yardstick_bins(count: int | None = None) -> tuple[YardstickBin, ...]:
+    """Return the first `count` bins of the yardstick, or all.
+
+    Every five bins hold three mixed ones, and each number of parts once, so that a beginning is much like the whole.
+
+    Raises:
+        ConfigError: there are not so many.
+    """
+    mixed = [
+        YardstickBin("mixed", seed, _config(MIXED_PARTS, MIXED_COUNTS[k % len(MIXED_COUNTS)]))
+        for k, seed in enumerate(MIXED_SEEDS)
+    ]
+    homogeneous = [
+        YardstickBin("homogeneous", seed, _config((part,), HOMOGENEOUS_COUNTS[k % len(HOMOGENEOUS_COUNTS)]))
+        for k, (seed, part) in enumerate(zip(HOMOGENEOUS_SEEDS, HOMOGENEOUS_PARTS, strict=True))
+    ]
+    bins = [bin for k in range(10) for bin in (*mixed[3 * k : 3 * k + 3], *homogeneous[2 * k : 2 * k + 2])]
+    if count is not None and not 1 <= count <= len(bins):
+        raise ConfigError(f"bins of the yardstick must be between 1 and {len(bins)}, got {count}")
+    return tuple(bins[:count])
+
+
+def load_view(bin: YardstickBin) -> BinView:
+    """Return what the overhead camera sees of a bin, from the cache, or simulate, render and keep it.
+
+    Any number of processes may ask at once; a damaged file is made again.
+    """
+    path = view_path(bin)
+    cached = _read(path, bin.seed)
+    if cached is not None:
+        return cached
+    view, _ = view_bin(bin.config, bin.seed)
+    _write(path, view)
+    return view
+
+
+def view_path(bin: YardstickBin) -> Path:
+    """Return where a bin's view is kept; the name tells all that it was made from."""
+    key = cache_key(
+        _VERSION,
+        bin.seed,
+        repr(bin.config),
+        repr(RANDOMIZATIONS[bin.config.randomization]),
+        *(f"{name} {get_part(name).content_hash}" for name in bin.config.parts),
+        mujoco.__version__,
+    )
+    return cache_dir() / "yardstick" / f"{bin.kind}-{bin.seed}-{key}.npz"
+
+
+def fingerprint(view: BinView) -> str:
+    """Return a hash of image, depth and truth: figures from views with equal fingerprints may be compared.
+
+    OpenGL drivers may differ by a shade in a few pixels, and so do fingerprints across machines.
+    """
+    depth_m = view.frame.depth_m
+    assert depth_m is not None
+    digest = hashlib.sha256()
+    for array in (view.frame.rgb, depth_m, *(truth.T_camera_part for truth in view.truths)):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()[:12]
+
+
+def _config(parts: tuple[str, ...], count: int) -> SceneConfig:
+    return SceneConfig(parts=parts, count=count, robot=None, randomization="default")
+
+
+def _write(path: Path, view: BinView) -> None:
+    frame, c = view.frame, view.frame.camera
+    assert frame.depth_m is not None and frame.instances is not None
+    values: tuple[np.ndarray, ...] = (
+        frame.rgb,
+        frame.depth_m,
+        frame.instances.astype(np.int16),
+        np.array([c.width, c.height, c.fx, c.fy, c.cx, c.cy]),
+        frame.T_world_camera,
+        np.array([part.name for part in view.parts]),
+        np.array([truth.instance for truth in view.truths], int),
+        np.array([truth.T_camera_part for truth in view.truths]).reshape(-1, 4, 4),
+        np.array([truth.visible_fraction for truth in view.truths]),
+    )
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **dict(zip(_ARRAYS, values, strict=True)))
+    atomic_write_bytes(path, buffer.getvalue())
+
+
+def _read(path: Path, seed: int) -> BinView | None:
+    """Return what the file holds, None if there is no sound file."""
+    try:
+        # Each member carries a checksum, which reading compares.
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
+            rgb, depth_m, instances, c, T_world_camera, names, numbers, Ts, fractions = (file[k] for k in _ARRAYS)
+        camera = Pinhole(int(c[0]), int(c[1]), *(float(value) for value in c[2:]))
+        parts = tuple(get_part(str(name)) for name in names)
+        truths = tuple(
+            PoseTruth(parts[n].name, T, float(f), int(n)) for n, T, f in zip(numbers, Ts, fractions, strict=True)
+        )
+    # An absent, truncated or foreign file fails as any of these, depending on where it breaks off.
+    except (OSError, ValueError, KeyError, IndexError, EOFError, zipfile.BadZipFile, zlib.error, UnknownPartError):
+        return None
+    return BinView(seed, CameraFrame(rgb, camera, T_world_camera, depth_m, instances.astype(np.int32)), parts, truths)

@@ -1,0 +1,99 @@
+"""Fresh simulated bins as `PoseImage`s, and as a BOP data set on disk."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from simpick.assets.part import Part
+from simpick.bop import BopInstance, BopWriter
+from simpick.bop.targets import MIN_VISIBLE_FRACTION
+from simpick.estimators.segmentation_detector import SegmentationDetector
+from simpick.pose_eval.pose_images import PoseImage, PoseTruth
+from simpick.geometry import invert
+from simpick.records import CameraFrame
+from simpick.rendering import SceneRenderer, Visibility, measure_visibility
+from simpick.scene import SceneConfig, build_scene
+
+
+@dataclass(frozen=True, eq=False)
+class BinView:
+    """A settled bin as a camera sees it, before anything is detected."""
+
+    seed: int
+    """Of the bin."""
+    frame: CameraFrame
+    """With depth and instance ids."""
+    parts: tuple[Part, ...]
+    """The part of each instance, by instance number."""
+    truths: tuple[PoseTruth, ...]
+
+    def image(self, noise: str) -> PoseImage:
+        """Return the view with detections of this preset; the parts at least a tenth visible are the targets.
+
+        `PoseImage.scene_id` is the seed, from which the noise follows too.
+        """
+        counts: dict[str, int] = {}
+        for truth in self.truths:
+            if truth.visible_fraction >= MIN_VISIBLE_FRACTION:
+                counts[truth.part] = counts.get(truth.part, 0) + 1
+        # The second number keeps this stream apart from the one that the bin itself is drawn from.
+        rng = np.random.default_rng((self.seed, 1))
+        detector = SegmentationDetector(noise, rng, instance_parts=[part.name for part in self.parts])
+        detections = detector.detect(self.frame, list({part.name: part for part in self.parts}.values()))
+        return PoseImage(self.seed, 0, self.frame, tuple(detections), self.truths, counts)
+
+
+@dataclass(frozen=True, eq=False)
+class BinImage:
+    """A settled bin, seen from above."""
+
+    image: PoseImage
+    """`PoseImage.scene_id` is the bin's seed."""
+    visibilities: tuple[Visibility, ...]
+    """Of the image's truths, in their order: silhouettes for export."""
+
+
+def view_bin(config: SceneConfig, seed: int, *, camera: str = "overhead") -> tuple[BinView, tuple[Visibility, ...]]:
+    """Build the bin of a seed and return what the camera sees, and the visibility of each of its truths."""
+    scene = build_scene(config, seed)
+    with SceneRenderer(scene) as renderer:
+        frame = renderer.capture(camera)
+        visibilities = measure_visibility(renderer, camera)
+    T_camera_world = invert(frame.T_world_camera)
+    parts = tuple(instance.part for instance in scene.instances)
+    truths = tuple(
+        PoseTruth(
+            parts[v.instance].name, T_camera_world @ scene.T_world_part(v.instance), float(v.fraction), v.instance
+        )
+        for v in visibilities
+    )
+    return BinView(seed, frame, parts, truths), visibilities
+
+
+def bin_images(
+    config: SceneConfig, seeds: Sequence[int], noise: str = "perfect", *, camera: str = "overhead"
+) -> Iterator[BinImage]:
+    """Build a bin for each seed and yield its image with depth, truth and targets.
+
+    `noise` is the preset of the detections.
+    """
+    for seed in seeds:
+        view, visibilities = view_bin(config, seed, camera=camera)
+        yield BinImage(view.image(noise), visibilities)
+
+
+def export_bin(writer: BopWriter, bin_image: BinImage) -> int:
+    """Add a bin to a BOP data set and return the image's id; the bin's seed is the scene's id."""
+    image, frame = bin_image.image, bin_image.image.frame
+    assert frame.instances is not None
+    height, width = frame.rgb.shape[:2]
+    instances = [
+        BopInstance(
+            t.part, t.T_camera_part, v.silhouette(height, width), frame.instances == t.instance, v.silhouette_px
+        )
+        for t, v in zip(image.truths, bin_image.visibilities, strict=True)
+    ]
+    return writer.add(image.scene_id, frame, instances)

@@ -1,0 +1,127 @@
+"""Pose estimation on BOP data sets: their images, detections and targets, and results CSVs in and out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from simpick.bop import BopDataset, BopDetection, BopResult, BopScene, BopTarget
+from simpick.bop.targets import MIN_VISIBLE_FRACTION
+from simpick.errors import DatasetError
+from simpick.metrics.models import EvaluationModel
+from simpick.pose_eval.pose_images import PoseImage, PoseModel, PoseTruth
+from simpick.metrics.visible_surface import VSD_DELTA_M
+from simpick.geometry import invert
+from simpick.records import CameraFrame, Detection, PoseEstimate
+
+ITODD_DELTA_M = 0.005
+"""Tolerance of VSD's visibility test on ITODD; the BOP toolkit uses 15 mm for all other data sets."""
+
+
+def vsd_delta_m(dataset: BopDataset) -> float:
+    """Return the tolerance of VSD's visibility test that BOP uses for a data set."""
+    return ITODD_DELTA_M if dataset.name == "itodd" else VSD_DELTA_M
+
+
+def bop_pose_model(dataset: BopDataset, part: str) -> PoseModel:
+    """Return the eval model that BOP measures errors of a part on, with the diameter that the data set states."""
+    models = dataset.models
+    obj_id = models.obj_id(part)
+    own, rendered = models.part(obj_id), models.eval_part(obj_id)
+    evaluation = EvaluationModel(part, models.eval_points_m(obj_id), models.diameter_m(obj_id), own.symmetries)
+    return PoseModel(evaluation, rendered, invert(own.T_cad_part) @ rendered.T_cad_part)
+
+
+def bop_images(
+    dataset: BopDataset,
+    targets: Sequence[BopTarget],
+    detections: Sequence[BopDetection] | None = None,
+    *,
+    amodal: bool = False,
+    depth: bool = True,
+) -> Iterator[PoseImage]:
+    """Yield the images that the targets name, in the targets' order.
+
+    Of the `detections`, each image's best are taken for each target object, as many as there are instances to find;
+    without any, the annotations' visible masks are. `amodal` says whether the file's boxes enclose whole objects.
+    """
+    wanted: dict[tuple[int, int], dict[str, int]] = {}
+    for target in targets:
+        if target.obj_id is None or target.inst_count is None:
+            raise DatasetError(
+                "these targets name images only; give a list with obj_id and inst_count, such as bop19's."
+            )
+        name = dataset.models.name(target.obj_id)
+        wanted.setdefault((target.scene_id, target.im_id), {})[name] = target.inst_count
+    found: dict[tuple[int, int], list[BopDetection]] = {}
+    for entry in detections or ():
+        found.setdefault((entry.scene_id, entry.im_id), []).append(entry)
+    scene: BopScene | None = None
+    for (scene_id, im_id), counts in wanted.items():
+        if scene is None or scene.scene_id != scene_id:
+            scene = dataset.scene(scene_id)
+        frame = scene.frame(im_id, depth=depth)
+        # Without scene_gt_info nothing tells how much is visible: all count alike.
+        truths = tuple(
+            PoseTruth(t.part, t.T_camera_part, 1.0 if t.visible_fraction is None else t.visible_fraction, t.gt_id)
+            for t in scene.truth(im_id)
+        )
+        if detections is None:
+            chosen, seconds = [d for d in scene.detections(im_id) if d.part in counts], 0.0
+        else:
+            entries = found.get((scene_id, im_id), [])
+            chosen = _best(dataset, entries, counts, frame, amodal)
+            seconds = max((entry.time_s for entry in entries), default=0.0)
+        yield PoseImage(scene_id, im_id, frame, tuple(chosen), truths, counts, max(seconds, 0.0))
+
+
+def truth_targets(dataset: BopDataset, min_visible_fraction: float = MIN_VISIBLE_FRACTION) -> list[BopTarget]:
+    """Return all annotated instances of the split of which enough is visible, as targets."""
+    targets = []
+    for scene in dataset:
+        for im_id in scene:
+            counts: dict[int, int] = {}
+            for truth in scene.truth(im_id):
+                if truth.visible_fraction is None or truth.visible_fraction >= min_visible_fraction:
+                    counts[truth.obj_id] = counts.get(truth.obj_id, 0) + 1
+            targets += [BopTarget(scene.scene_id, im_id, obj_id, count) for obj_id, count in sorted(counts.items())]
+    return targets
+
+
+def estimates_from_results(
+    dataset: BopDataset, results: Sequence[BopResult], method: str
+) -> dict[tuple[int, int], list[PoseEstimate]]:
+    """Return the estimates of a results CSV by scene and image, in the file's order."""
+    estimates: dict[tuple[int, int], list[PoseEstimate]] = {}
+    for r in results:
+        part = dataset.models.part(r.obj_id)
+        estimate = PoseEstimate(part.name, r.T_camera_model @ part.T_cad_part, r.score, method, max(r.time_s, 0.0))
+        estimates.setdefault((r.scene_id, r.im_id), []).append(estimate)
+    return estimates
+
+
+def results_from_estimates(
+    dataset: BopDataset, image: PoseImage, estimates: Sequence[PoseEstimate], elapsed_s: float
+) -> list[BopResult]:
+    """Return the lines of a results CSV for one image; its time is that of detection and estimation together."""
+    time_s = image.detection_s + elapsed_s
+    results = []
+    for estimate in estimates:
+        obj_id = dataset.models.obj_id(estimate.part)
+        T_camera_model = estimate.T_camera_part @ invert(dataset.models.part(obj_id).T_cad_part)
+        results.append(BopResult(image.scene_id, image.im_id, obj_id, estimate.score, T_camera_model, time_s))
+    return results
+
+
+def _best(
+    dataset: BopDataset, entries: Sequence[BopDetection], counts: dict[str, int], frame: CameraFrame, amodal: bool
+) -> list[Detection]:
+    """Return the surest detections of each target part, as many as there are instances to find."""
+    height, width = frame.rgb.shape[:2]
+    left = dict(counts)
+    chosen = []
+    for entry in sorted(entries, key=lambda e: -e.score):
+        name = dataset.models.name(entry.obj_id)
+        if left.get(name, 0) > 0:
+            left[name] -= 1
+            chosen.append(entry.detection(name, height, width, amodal=amodal))
+    return chosen

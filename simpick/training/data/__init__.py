@@ -1,0 +1,1 @@
+"""Training data: random bins, views, shards, batches, augmentation."""

@@ -1,0 +1,102 @@
+"""`BatchSource`: the batches of all steps in order, put together by threads ahead of time from streamed shards."""
+
+from __future__ import annotations
+
+import dataclasses
+import threading
+import time
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+
+from simpick.estimators.raypose.network.config import RayPoseConfig
+from simpick.training.data.batches import TrainingBatch, make_batch
+from simpick.training.data.data_order import draw_queries, draw_shards, step_rng, window_at
+from simpick.training.resources import Machine
+from simpick.training.distributed import Processes
+from simpick.training.data.shard import Shard
+from simpick.training.data.shard_stream import ShardStream
+from simpick.training.config import TrainConfig
+
+
+class BatchSource:
+    """What a step sees follows from its number and the configuration alone. A context manager."""
+
+    def __init__(
+        self,
+        config: TrainConfig,
+        network: RayPoseConfig,
+        folder: Path,
+        machine: Machine,
+        processes: Processes,
+        step: int,
+    ) -> None:
+        """Begin with `step`; each process of several has shards of its own."""
+        self._config, self._rank = config, processes.rank
+        self._network = dataclasses.replace(network, templates=config.templates)
+        data = dataclasses.replace(config.data, seed=config.data.seed + processes.rank)
+        self._first = window_at(config, step).start
+        self._stream = ShardStream(
+            folder,
+            data,
+            split="train",
+            workers=machine.renderers,
+            ahead=max(2, 2 * machine.renderers) if machine.renderers else 0,
+            start=self._first,
+            keep=machine.shards is not None,
+        )
+        self._shards: dict[int, Shard] = {}
+        self._lock = threading.Lock()
+        self._pool = ThreadPoolExecutor(max(1, machine.loaders), thread_name_prefix="loader")
+        self._ahead = 2 * max(1, machine.loaders)
+        self._futures: dict[int, Future[TrainingBatch]] = {}
+        self._waited_s, self._since = 0.0, time.perf_counter()
+
+    def get(self, step: int) -> TrainingBatch:
+        """Return the batch of a step; the next ones are made meanwhile."""
+        for ahead in range(step, step + self._ahead + 1):
+            if ahead not in self._futures:
+                self._futures[ahead] = self._pool.submit(self._make, ahead)
+        start = time.perf_counter()
+        batch = self._futures.pop(step).result()
+        self._waited_s += time.perf_counter() - start
+        return batch
+
+    def waiting_share(self) -> float:
+        """Return the share of the time since the last call that was spent waiting for data."""
+        now = time.perf_counter()
+        share = self._waited_s / max(now - self._since, 1e-9)
+        self._waited_s, self._since = 0.0, now
+        return share
+
+    def close(self) -> None:
+        """End threads and renderers; may be called again."""
+        self._pool.shutdown(wait=True, cancel_futures=True)
+        self._stream.close()
+
+    def __enter__(self) -> BatchSource:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def _make(self, step: int) -> TrainingBatch:
+        config, rng = self._config, step_rng(self._config, step, self._rank)
+        shards = [self._shard(index) for index in draw_shards(config, step, rng)]
+        self._forget_below(window_at(config, step).start)
+        each = config.batch // config.parts
+        queries = [draw_queries(len(shard), each, rng) for shard in shards]
+        return make_batch(shards, queries, self._network, rng, augmentation=config.augmentation)
+
+    def _shard(self, index: int) -> Shard:
+        with self._lock:
+            if index not in self._shards:
+                self._shards[index] = self._stream.get(index)
+            return self._shards[index]
+
+    def _forget_below(self, index: int) -> None:
+        # Steps that are made at the same time may still need a few before.
+        with self._lock:
+            while self._first < index - self._config.parts:
+                self._shards.pop(self._first, None)
+                self._stream.release(self._first)
+                self._first += 1

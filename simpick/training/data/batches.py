@@ -1,0 +1,226 @@
+"""Training batches: queries of shards, each with templates drawn for it, and the pose maps that are to be learned."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+from torch.nn import functional as F
+
+from simpick.estimators.raypose.network.config import RayPoseConfig
+from simpick.estimators.raypose.network.pose_maps import ViewPoses
+from simpick.estimators.raypose.crops.virtual_recrops import Recrops, aim_recrops, sample_recrops
+from simpick.estimators.raypose.crops.template_choice import (
+    align_turns,
+    draw_around,
+    draw_over_sphere,
+    view_angles,
+)
+from simpick.estimators.raypose.crops.template_crops import TemplateCrops, collate, crop_templates
+from simpick.estimators.raypose.network.tokens import QueryInputs, TemplateInputs
+from simpick.geometry import invert, so3_exp, transform, turned_boxes
+from simpick.training.data.augmentation import AugmentationConfig, jitter_boxes, perturb_mask
+from simpick.training.data.shard import Shard
+
+CENTRE_ERROR = 0.4
+"""Fine templates are drawn around the true pose turned by a normal error of this share of the spread."""
+NOMINAL_DISTANCE_M = 0.9
+"""At which `RayPoseConfig.spread_m` is a shift or a change of distance."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingBatch:
+    """What one step learns from."""
+
+    query: QueryInputs
+    templates: TemplateInputs
+    """Sets of templates; coarse queries of one part share theirs, so that they are encoded once."""
+    sets: Int[Tensor, "batch"]
+    """Which set each query is compared with."""
+    truth: ViewPoses
+    """Of the queries; leading dimensions (batch, 1). Of equivalent poses the one closest to the templates."""
+    points: Float[Tensor, "batch cells 3"]
+    """Mean position in the part's frame of what each query cell shows, in diameters."""
+    coverage: Float[Tensor, "batch cells"]
+    """Share of each query cell that shows the part. Cells are those of `RayPoseConfig.geometry_cells`."""
+    Ts_crop_part: Float[np.ndarray, "batch 4 4"]
+    rows: tuple[tuple[int, int], ...]
+    """Shard and query within it of each row."""
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def to(self, device: torch.device) -> TrainingBatch:
+        """Return the batch with its tensors on a device."""
+        return self if device.type == "cpu" else _moved(self, device)
+
+
+def make_batch(
+    shards: Sequence[Shard],
+    queries: Sequence[Int[np.ndarray, "_"]],
+    config: RayPoseConfig,
+    rng: np.random.Generator,
+    *,
+    augmentation: AugmentationConfig | None = None,
+) -> TrainingBatch:
+    """Return the given queries of each shard as one batch; all randomness comes from `rng`."""
+    augmentation = augmentation or AugmentationConfig()
+    parts = [_part_batch(shard, rows, config, rng, augmentation) for shard, rows in zip(shards, queries, strict=True)]
+    templates = [crops for part in parts for crops in part.templates]
+    diameters = [shard.diameter_m for shard, part in zip(shards, parts, strict=True) for _ in part.templates]
+    first = np.cumsum([0, *(len(part.templates) for part in parts)])
+    half_tangent = torch.cat([part.half_tangent for part in parts])
+    Ts = np.concatenate([part.Ts_crop_part for part in parts])
+    return TrainingBatch(
+        QueryInputs(torch.cat([p.rgb for p in parts]), torch.cat([p.masks for p in parts]), half_tangent),
+        collate(templates, diameters),
+        torch.from_numpy(np.concatenate([first[k] + part.sets for k, part in enumerate(parts)])),
+        ViewPoses.of(torch.tensor(Ts, dtype=torch.float32)[:, None], half_tangent[:, None]),
+        torch.cat([p.points for p in parts]),
+        torch.cat([p.coverage for p in parts]),
+        Ts,
+        tuple((k, int(row)) for k, rows in enumerate(queries) for row in rows),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _PartBatch:
+    rgb: Float[Tensor, "n 3 size size"]
+    masks: Float[Tensor, "n size size"]
+    half_tangent: Float[Tensor, "n"]
+    points: Float[Tensor, "n cells 3"]
+    coverage: Float[Tensor, "n cells"]
+    Ts_crop_part: Float[np.ndarray, "n 4 4"]
+    templates: list[TemplateCrops]
+    sets: Int[np.ndarray, "n"]
+
+
+def _part_batch(
+    shard: Shard,
+    rows: Int[np.ndarray, "n"],
+    config: RayPoseConfig,
+    rng: np.random.Generator,
+    augmentation: AugmentationConfig,
+) -> _PartBatch:
+    masks = np.stack([perturb_mask(shard.masks[row], augmentation, rng) for row in rows])
+    shared = None if config.is_fine else _draw_over_sphere(shard, config, rng)
+    if shared is None:
+        angles = rng.uniform(-np.pi, np.pi, len(rows)) * augmentation.turn
+    else:
+        angles = np.array([_turn_towards(shared, T, rng) for T in shard.Ts_crop_part[rows]])
+    boxes = jitter_boxes(turned_boxes(masks, angles[:, None])[:, 0], augmentation, rng)
+    recrops = aim_recrops(shard.crop_px, shard.focal_px[rows], angles, boxes, config.crop_px, padding=config.padding)
+    Ts = transform(recrops.Rs_crop_source) @ shard.Ts_crop_part[rows]
+    sampled, points_m, coverage = _sample(shard, rows, masks, recrops, config)
+    gain = torch.tensor(1 + augmentation.brightness * rng.uniform(-1, 1, len(rows)), dtype=torch.float32)
+    rgb = (sampled[:, :3] * gain[:, None, None, None]).clamp(0, 1)
+    # Of equivalent poses, those that are nearest to one another are told.
+    if shared is None:
+        truths = Ts
+        templates = [_draw_around(shard, T, config, rng).nearest_to(T, shard.symmetries) for T in Ts]
+    else:
+        truths = np.stack([_nearest_to_a_template(shard, T, shared) for T in Ts])
+        templates = [shared]
+    return _PartBatch(
+        rgb,
+        sampled[:, 3],
+        torch.tensor(recrops.half_tangent, dtype=torch.float32),
+        _in_part(points_m, truths) / shard.diameter_m,
+        coverage,
+        truths,
+        templates,
+        np.arange(len(rows)) if shared is None else np.zeros(len(rows), int),
+    )
+
+
+def _sample(
+    shard: Shard,
+    rows: Int[np.ndarray, "n"],
+    masks: Bool[np.ndarray, "n size size"],
+    recrops: Recrops,
+    config: RayPoseConfig,
+) -> tuple[Float[Tensor, "n 4 crop crop"], Float[Tensor, "n cells 3"], Float[Tensor, "n cells"]]:
+    """Return colour and mask of the crops, and each cell's mean surface point in the crop's frame (m) and coverage."""
+    size, focal = shard.crop_px, shard.focal_px[rows]
+    rgb = torch.from_numpy(shard.rgb[rows]).permute(0, 3, 1, 2).float() / 255
+    mask = torch.from_numpy(masks)[:, None].float()
+    # What a grown mask adds is not the part.
+    true_mask = torch.from_numpy(masks & shard.masks[rows])[:, None].float()
+    depth_m = shard.relief_m[rows].astype(np.float32) + shard.Ts_crop_part[rows, 2, 3][:, None, None]
+    depth = torch.from_numpy(depth_m.astype(np.float32))
+    axis = torch.arange(size) + 0.5 - size / 2
+    y, x = torch.meshgrid(axis, axis, indexing="ij")
+    rays = torch.stack([x, y], dim=0) / torch.tensor(focal, dtype=torch.float32)[:, None, None, None]
+    points = torch.cat([rays, torch.ones_like(rays[:, :1])], dim=1) * depth[:, None]  # (n, 3, size, size)
+    sampled = sample_recrops(torch.cat([rgb, mask], dim=1), focal, recrops)
+    geometry = sample_recrops(torch.cat([true_mask, points * true_mask], dim=1), focal, recrops.halved())
+    cells = F.adaptive_avg_pool2d(geometry, config.geometry_cells).flatten(2).mT  # (n, cells, 4)
+    mean = cells[..., 1:] / cells[..., :1].clamp_min(1e-6)
+    R = torch.tensor(recrops.Rs_crop_source, dtype=torch.float32)
+    return sampled, torch.einsum("nij,ncj->nci", R, mean), cells[..., 0]
+
+
+def _in_part(
+    points_m: Float[Tensor, "n cells 3"], Ts_crop_part: Float[np.ndarray, "n 4 4"]
+) -> Float[Tensor, "n cells 3"]:
+    T = torch.tensor(invert(Ts_crop_part), dtype=torch.float32)
+    return torch.einsum("nij,ncj->nci", T[:, :3, :3], points_m) + T[:, None, :3, 3]
+
+
+def _draw_over_sphere(shard: Shard, config: RayPoseConfig, rng: np.random.Generator) -> TemplateCrops:
+    """Return coarse templates, upright; told as at run time, as of equivalent poses those nearest to the first's."""
+    views = draw_over_sphere(
+        shard.templates.Ts_camera_part[:, :3, :3], config.templates, rng, fixed=config.template_views == "fixed"
+    )
+    crops = crop_templates(shard.templates, views, np.zeros(len(views)), config)
+    return crops.nearest_to(crops.Ts_crop_part[0], shard.symmetries)
+
+
+def _turn_towards(templates: TemplateCrops, T_crop_part: Float[np.ndarray, "4 4"], rng: np.random.Generator) -> float:
+    """Return the turn by which a query is about as upright as the template that shows the part most like it.
+
+    At run time, queries are tried in twelve turns.
+    """
+    Rs, R = templates.Ts_crop_part[:, :3, :3], T_crop_part[:3, :3]
+    nearest = np.argmin(view_angles(Rs, R))
+    return align_turns(R[None], Rs[nearest])[0] + rng.uniform(-1, 1) * np.pi / 12
+
+
+def _nearest_to_a_template(
+    shard: Shard, T_crop_part: Float[np.ndarray, "4 4"], templates: TemplateCrops
+) -> Float[np.ndarray, "4 4"]:
+    """Return the equivalent pose that is turned least against one of the templates."""
+    Rs = templates.Ts_crop_part[:, :3, :3]
+    distances = shard.symmetries.rotation_distance(np.broadcast_to(T_crop_part[:3, :3], Rs.shape), Rs)
+    return shard.symmetries.closest_equivalent(T_crop_part, templates.Ts_crop_part[int(np.argmin(distances))])
+
+
+def _draw_around(
+    shard: Shard, T_crop_part: Float[np.ndarray, "4 4"], config: RayPoseConfig, rng: np.random.Generator
+) -> TemplateCrops:
+    """Return fine templates: around the pose turned by a random error, moved and scaled at random."""
+    Rs, count = shard.templates.Ts_camera_part[:, :3, :3], config.templates
+    spread = np.radians(config.spread_deg)
+    error = np.clip(rng.normal(0, CENTRE_ERROR * spread), -spread, spread)
+    axis = rng.normal(size=3)
+    R_centre = so3_exp(error * axis / np.linalg.norm(axis)) @ T_crop_part[:3, :3]
+    views, angles = draw_around(Rs, R_centre, count, spread, rng)
+    relative = config.spread_m / NOMINAL_DISTANCE_M
+    shift = rng.uniform(-relative, relative, (count, 2))
+    zoom = 1 + rng.uniform(-relative, relative, count)
+    return crop_templates(shard.templates, views, angles, config, shift=shift, zoom=zoom)
+
+
+def _moved(value: Any, device: torch.device) -> Any:
+    if isinstance(value, torch.Tensor):
+        return value.to(device, non_blocking=True)
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        fields = {f.name: _moved(getattr(value, f.name), device) for f in dataclasses.fields(value)}
+        return type(value)(**fields)
+    return value

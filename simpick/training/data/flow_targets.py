@@ -1,0 +1,64 @@
+"""What flow is to be learned from: where the query shows each followed template cell."""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+from torch.nn import functional as F
+
+from simpick.estimators.raypose.network import losses
+from simpick.estimators.raypose.network.flow import MIN_COVERAGE, Flow
+from simpick.estimators.raypose.network.model import RayPose
+from simpick.estimators.raypose.network.pose_solver import SolvedPoses, project
+from simpick.training.data.batches import TrainingBatch
+
+_SAME_PLACE = 0.06
+"""Diameters within which a query cell shows the same place as a template's; farther ones are hidden behind it."""
+
+
+def flow_terms(model: RayPose, batch: TrainingBatch, flow: Flow) -> dict[str, Float[Tensor, ""]]:
+    """Return the terms of flow by the names of `LossWeights`.
+
+    Without multiview, flow has a group for each template: of each query one after the other.
+    """
+    assert model.flow is not None
+    repeats = len(flow.points) // len(batch)
+    half_tangent, points, coverage, R, centre, log_scale = (
+        x.repeat_interleave(repeats, 0)
+        for x in (
+            batch.query.half_tangent,
+            batch.points,
+            batch.coverage,
+            batch.truth.R[:, 0],
+            batch.truth.centre[:, 0],
+            (batch.templates.diameter_m[batch.sets] / batch.truth.reach_m[:, 0]).log(),
+        )
+    )
+    truth = SolvedPoses(R[:, None], centre[:, None], log_scale[:, None], R.new_zeros(len(R), 1, 0, 2))
+    places = project(flow.points, half_tangent, truth)[0][:, 0]  # (groups, cells, 2)
+    unit, offsets = model.flow.unit, model.flow.offsets
+    wanted = places - flow.expected
+    reach = offsets.amax() + unit / 2
+    shown = _shows(points, coverage, places, flow.points) & flow.valid
+    valid = shown & (wanted.abs().amax(dim=-1) < reach)
+    pose = flow.pose
+    return {
+        "flow_matching": losses.flow_matching(flow.log_probabilities.float(), offsets, wanted, valid, unit),
+        "flow_offset": losses.flow_offset(flow.offset, wanted, valid, unit),
+        "flow_pose": losses.flow_pose(pose.R[:, 0], pose.centre[:, 0], pose.log_scale[:, 0], R, centre, log_scale),
+    }
+
+
+def _shows(
+    points: Float[Tensor, "groups query_cells 3"],
+    coverage: Float[Tensor, "groups query_cells"],
+    places: Float[Tensor, "groups cells 2"],
+    wanted: Float[Tensor, "groups cells 3"],
+) -> Bool[Tensor, "groups cells"]:
+    """Return whether the query shows the wanted points at these places, and not something before them."""
+    side = round(points.shape[1] ** 0.5)
+    maps = torch.cat([points, coverage[..., None]], dim=-1).mT.unflatten(-1, (side, side))
+    there = F.grid_sample(maps, places[:, None], mode="nearest", align_corners=False)[:, :, 0].mT  # (groups, cells, 4)
+    near = (there[..., :3] - wanted).norm(dim=-1) < _SAME_PLACE
+    return near & (there[..., 3] > MIN_COVERAGE)

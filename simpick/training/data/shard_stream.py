@@ -1,0 +1,150 @@
+"""`ShardStream`: shards in order, made ahead of their consumer by renderer processes, spooled on disk."""
+
+from __future__ import annotations
+
+import re
+import time
+from functools import partial
+from pathlib import Path
+
+import mujoco
+
+from simpick.caching import cache_key
+from simpick.errors import ConfigError, DatasetError
+from simpick.training.data.data_config import DataConfig, Split
+from simpick.training.data.shard import Shard
+from simpick.training.data.shard_factory import VERSION, make_shard
+from simpick.workers import WorkerLimits, WorkerPool
+
+
+class ShardStream:
+    """Shards by index. Index k is the same shard always, so a run that stopped at k goes on at k.
+
+    Files lie in `folder`, named by split, configuration and index. Those of an earlier run with the same
+    configuration are used again if they are whole; those of another configuration are left alone. Use it as a context
+    manager, or close it.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        config: DataConfig,
+        *,
+        split: Split,
+        workers: int = 1,
+        ahead: int = 4,
+        start: int = 0,
+        keep: bool = False,
+        limits: WorkerLimits | None = None,
+    ) -> None:
+        """Begin to make the shards from `start` on.
+
+        Args:
+            folder: Where they are spooled; some 5 MB each with the default configuration.
+            config: What they are drawn from.
+            split: Which of the two worlds of parts they are of.
+            workers: Renderer processes; 0 makes shards in this process, when they are asked for.
+            ahead: How many shards beyond the one asked for last are made in advance.
+            start: The first index that will be asked for; what an earlier run left below it is deleted.
+            keep: Never delete files.
+            limits: Time limits of the workers.
+
+        Raises:
+            ConfigError: a number is negative, or there are workers with nothing to make ahead.
+        """
+        if workers < 0 or ahead < 0 or start < 0:
+            raise ConfigError(f"workers, ahead and start must not be negative, got {workers}, {ahead} and {start}")
+        if workers and not ahead:
+            raise ConfigError(f"ahead must be 1 or more with {workers} workers, got 0")
+        self.folder, self.ahead, self.keep = folder, ahead, keep
+        self.waited_s = 0.0
+        """Seconds that `get` has taken so far."""
+        self._prefix = f"{split}-{cache_key(VERSION, repr(config), mujoco.__version__)}"
+        if not keep:
+            self._delete_below(start)
+        self._write = partial(write_shard, config, split, folder, self._prefix)
+        self._pool = WorkerPool(self._write, workers, limits) if workers else None
+        self._aim(start)
+
+    def path(self, index: int) -> Path:
+        """Return the file of a shard."""
+        return _path(self.folder, self._prefix, index)
+
+    @property
+    def worker_pids(self) -> list[int]:
+        """Return the process ids of the workers that run now."""
+        return self._pool.pids if self._pool is not None else []
+
+    @property
+    def workers_replaced(self) -> int:
+        """Return how many workers died or hung so far."""
+        return self._pool.replaced if self._pool is not None else 0
+
+    def get(self, index: int) -> Shard:
+        """Return a shard, as soon as it is ready; the next ones are made meanwhile.
+
+        A damaged file is made anew.
+
+        Raises:
+            SimpickError: it cannot be made, or no worker works.
+        """
+        start = time.perf_counter()
+        try:
+            self._aim(index)
+            self._make(index)
+            try:
+                return Shard.load(self.path(index))
+            except DatasetError:
+                self.path(index).unlink(missing_ok=True)
+                self._aim(index)
+                self._make(index)
+                return Shard.load(self.path(index))
+        finally:
+            self.waited_s += time.perf_counter() - start
+
+    def release(self, index: int) -> None:
+        """Delete a shard that is needed no more, unless the stream keeps all."""
+        if not self.keep:
+            self.path(index).unlink(missing_ok=True)
+
+    def close(self) -> None:
+        """End the workers; finished shards stay for the next run. May be called again."""
+        if self._pool is not None:
+            self._pool.close()
+
+    def __enter__(self) -> ShardStream:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def _make(self, index: int) -> None:
+        if self.path(index).exists():
+            return
+        if self._pool is None:
+            self._write(index)
+        else:
+            self._pool.wait(index)
+
+    def _aim(self, index: int) -> None:
+        """Let the workers make what is missing from this index on."""
+        if self._pool is not None:
+            missing = [k for k in range(index, index + 1 + self.ahead) if not self.path(k).exists()]
+            for k in missing:
+                self._pool.forget(k)
+            self._pool.want(missing)
+
+    def _delete_below(self, start: int) -> None:
+        for path in self.folder.glob(f"{self._prefix}-*.shard"):
+            number = re.fullmatch(r".*-(\d+)", path.stem)
+            if number is not None and int(number.group(1)) < start:
+                path.unlink(missing_ok=True)
+
+
+def write_shard(config: DataConfig, split: Split, folder: Path, prefix: str, index: int) -> None:
+    """Make a shard and write it to its file; raises OutputError."""
+    make_shard(config, index, split=split).save(_path(folder, prefix, index))
+
+
+def _path(folder: Path, prefix: str, index: int) -> Path:
+    return folder / f"{prefix}-{index:07d}.shard"

@@ -1,0 +1,93 @@
+"""Results are pinned to what they depend on, and a folder of other weights is refused in words that help."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from simpick.errors import OutputError
+from simpick.experiments import mode_files
+from simpick.experiments.compare_config import CompareConfig
+from simpick.experiments.provenance_changes import changes
+from simpick.experiments.perceptions import SHIPPED
+from simpick.experiments.result_store import EpisodeResult, ResultStore
+from simpick.experiments.run_config import RunConfig
+from simpick.experiments.provenance import run_identity
+from simpick.grasping.store import shipped_path
+
+
+@pytest.fixture
+def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of stand-ins for the files that ship."""
+    folder = tmp_path / "shipped"
+    folder.mkdir()
+    (folder / "raypose.safetensors").write_bytes(b"trained")
+    monkeypatch.setattr(mode_files, "shipped_checkpoint", lambda: folder / "raypose.safetensors")
+    monkeypatch.setattr(mode_files, "CONFIDENCE_FILE", folder / "confidence.json")
+    return folder
+
+
+def identity(*modes: str) -> dict:
+    config = CompareConfig(modes=modes, parts=("hex_bolt",))
+    return run_identity(config, [RunConfig(parts=config.parts, perception=mode) for mode in modes])
+
+
+def test_every_shipped_perception_names_its_files() -> None:
+    assert mode_files.FILES_OF_PERCEPTION.keys() == {"oracle", *SHIPPED}
+
+
+def test_weights_that_ship_are_among_them() -> None:
+    assert mode_files.mode_data(RunConfig(perception="fine")).keys() == {"raypose.safetensors"}
+    assert mode_files.mode_data(RunConfig()) == {}
+
+
+def test_other_weights_are_refused_and_results_stay(shipped: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    result = EpisodeResult(0, 0, (), (), "cleared", mode="fine")
+    ResultStore(folder, identity("retrieval", "fine")).add(result)
+    before = {file.name: file.read_bytes() for file in folder.iterdir()}
+    assert ResultStore(folder, identity("retrieval", "fine")).results == (result,)
+    (shipped / "raypose.safetensors").write_bytes(b"trained longer")
+    with pytest.raises(
+        OutputError,
+        match=r"weights or data of mode fine, raypose\.safetensors \('\w{16}' there, '\w{16}' now\)\. They are "
+        r"left as they are\. Choose another folder with --out, or --overwrite",
+    ) as refusal:
+        ResultStore(folder, identity("retrieval", "fine"))
+    assert "retrieval" not in str(refusal.value)
+    assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
+
+
+def test_fitted_data_that_appear_are_noticed(shipped: Path) -> None:
+    before = identity("retrieval", "retrieval_refined")
+    (shipped / "confidence.json").write_text("{}")
+    (told,) = changes(before, identity("retrieval", "retrieval_refined"))
+    assert told.startswith("weights or data of mode retrieval_refined, confidence.json (none there, '")
+
+
+def test_another_version_is_named() -> None:
+    before = identity("oracle")
+    now = before | {"versions": before["versions"] | {"simpick": "9.0"}}
+    assert changes(before, now) == [f"version of simpick ('{before['versions']['simpick']}' there, '9.0' now)"]
+
+
+def test_a_folder_of_an_older_simpick_is_told_so() -> None:
+    old = CompareConfig(modes=("oracle",), parts=("hex_bolt",)).to_json()
+    now = identity("oracle")
+    assert changes(json.loads(json.dumps(old)), json.loads(json.dumps(now))) == [
+        f"{key} (not stated there, by an older simpick)" for key in ("mode_data", "verified_grasps", "versions")
+    ]
+
+
+def test_more_modes_go_on_in_any_order(shipped: Path) -> None:
+    assert changes(identity("oracle", "fine"), identity("fine", "coarse", "oracle")) == []
+    assert len(changes(identity("oracle", "fine"), identity("oracle"))) == 1
+
+
+def test_other_grasps_are_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = identity("oracle")
+    other = tmp_path / "hex_bolt_jaw.npz"
+    other.write_bytes(shipped_path("hex_bolt", "jaw").read_bytes() + b"more")
+    monkeypatch.setattr("simpick.experiments.provenance.shipped_path", lambda name, kind: other)
+    (told,) = changes(before, identity("oracle"))
+    assert told.startswith("verified_grasps (")

@@ -1,0 +1,52 @@
+"""Tables of any number of modes can be read in 80 columns."""
+
+import io
+
+import numpy as np
+from rich.console import Console
+
+from simpick.experiments.report.tables import causes_table, differences_tables, modes_tables
+from simpick.experiments.analysis.failure_causes import find_failures
+from simpick.experiments.analysis.paired import MEASURES, compare_modes
+from simpick.experiments.result_store import EpisodeResult
+from simpick.records import PickOutcome
+from tests.experiments.test_result_store import make_pick
+
+MODES = ("oracle", "oracle_noise", "retrieval", "retrieval_refined", "coarse", "fine", "refined", "refined@8")
+
+
+def test_eight_modes_are_told_whole_in_80_columns() -> None:
+    results = [EpisodeResult(k, k, ("tee",), (make_pick(0),), "cleared", {}, mode) for k in (0, 1) for mode in MODES]
+    statistics = compare_modes(results, MODES, np.random.default_rng(0))
+    output = io.StringIO()
+    console = Console(file=output, width=80)
+    tables = modes_tables(statistics)
+    for table in (*tables, *differences_tables(statistics)):
+        console.print(table)
+    text = output.getvalue()
+    assert "\u2026" not in text, "nothing is cut off"
+    assert text.count("100.0\n") or "100.0" in text
+    headings = [str(column.header) for table in tables for column in table.columns[1:]]
+    assert [h.split(",")[0] for h in headings] == [m.title for m in MEASURES]
+    assert "- retrieval_refined" in text and "(100.0 to 100.0)" in text
+
+
+def test_causes_of_nine_modes_are_told_whole_in_80_columns() -> None:
+    longest = "retrieval_refined@50+closer"
+    outcomes = (PickOutcome.NOTHING_DETECTED, PickOutcome.MISSED, PickOutcome.MISSED, PickOutcome.DROPPED)
+    picks = tuple(make_pick(k, outcome) for k, outcome in enumerate(outcomes))
+    failures = {mode: [] for mode in MODES}
+    failures[longest] = find_failures([EpisodeResult(0, 0, ("tee",), picks, "gave up", {}, longest)])
+    output = io.StringIO()
+    Console(file=output, width=80).print(causes_table(failures))
+    lines = [line.split() for line in output.getvalue().splitlines()]
+    assert ["symmetry"] in lines and ["mode", "detection", "pose", "flip", "grasp", "motion", "physics", "all"] in lines
+    assert [line for line in lines if line and line[0] in failures] == [
+        *([mode, *"0000000"] for mode in MODES),
+        [longest, "1", "0", "0", "2", "0", "1", "4"],
+    ]
+
+
+def test_one_mode_has_no_differences() -> None:
+    result = EpisodeResult(0, 0, ("tee",), (make_pick(0),), "cleared", {}, "oracle")
+    assert differences_tables(compare_modes([result], ("oracle",), np.random.default_rng(0))) == []

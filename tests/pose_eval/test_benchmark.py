@@ -1,0 +1,199 @@
+"""The yardstick: fixed bins, kept views, figures that count misses, and honest labels."""
+
+import dataclasses
+import json
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from simpick.assets import get_part
+from simpick.cli.main import main
+from simpick.errors import ConfigError
+from simpick.pose_eval.bin_images import view_bin
+from simpick.pose_eval.pose_images import PoseImage
+from simpick.pose_eval.pose_sources import OracleSource
+from simpick.pose_eval.benchmark_bins import fingerprint, load_view, view_path, yardstick_bins
+from simpick.pose_eval.benchmark_gains import gains
+from simpick.pose_eval.benchmark_report import best_of_table, title, to_json
+from simpick.pose_eval.benchmark_runs import BinFigures, BinScorer, YardstickResult, run_yardstick, summarize_scores
+from simpick.geometry import so3_exp, transform
+from simpick.records import PoseEstimate, PoseHypothesis
+
+
+def test_there_are_fifty_bins_and_every_five_are_like_the_whole() -> None:
+    bins = yardstick_bins()
+    assert Counter(bin.kind for bin in bins) == {"mixed": 30, "homogeneous": 20}
+    assert len({bin.seed for bin in bins}) == 50
+    assert len({bin.config.parts for bin in bins if bin.kind == "homogeneous"}) == 20
+    for k in range(0, 50, 5):
+        assert sorted(bin.config.count for bin in bins[k : k + 5]) == [12, 12, 30, 40, 50]
+    assert yardstick_bins(7) == bins[:7]
+    for name in {name for bin in bins for name in bin.config.parts}:
+        assert get_part(name).name == name
+
+
+@pytest.mark.parametrize("count", [0, 51])
+def test_a_number_of_bins_that_do_not_exist_is_refused(count: int) -> None:
+    with pytest.raises(ConfigError, match=f"bins of the yardstick must be between 1 and 50, got {count}"):
+        yardstick_bins(count)
+
+
+@pytest.mark.render
+def test_the_kept_view_is_the_fresh_one_to_the_last_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SIMPICK_CACHE", str(tmp_path))
+    bin = yardstick_bins(1)[0]
+    fresh, _ = view_bin(bin.config, bin.seed)
+    made, kept = load_view(bin), load_view(bin)
+    assert fingerprint(fresh) == fingerprint(made) == fingerprint(kept)
+    assert kept.frame.camera == fresh.frame.camera
+    for a, b in zip(kept.truths, fresh.truths, strict=True):
+        assert (a.part, a.instance, a.visible_fraction) == (b.part, b.instance, b.visible_fraction)
+    for a, b in zip(kept.image("realistic").detections, fresh.image("realistic").detections, strict=True):
+        assert (a.part, a.instance, a.score) == (b.part, b.instance, b.score)
+        np.testing.assert_array_equal(a.mask, b.mask)
+    # A file cut short is made again.
+    whole = view_path(bin).read_bytes()
+    view_path(bin).write_bytes(whole[: len(whole) // 2])
+    assert fingerprint(load_view(bin)) == fingerprint(fresh)
+    assert len(view_path(bin).read_bytes()) == len(whole)
+
+
+@pytest.mark.render
+def test_true_poses_have_no_error_and_misses_count() -> None:
+    result = run_yardstick("oracle", bins=2)
+    perfect, realistic = result.evaluations["perfect"], result.evaluations["realistic"]
+    assert perfect.summary.count == perfect.summary.answered == realistic.summary.count
+    assert perfect.scores.overall.ar == 1 and perfect.summary.recall_5_deg == 1
+    assert perfect.summary.median_rotation_deg < 1e-3
+    share = realistic.summary.answered / realistic.summary.count
+    assert share < 1
+    assert realistic.scores.overall.ar == pytest.approx(share) == realistic.summary.recall_30_deg
+    assert sum(band.count for band in realistic.by_visibility.values()) == realistic.summary.count
+    assert not result.best_of and not result.onboarding_s
+    assert title(result).startswith(
+        "oracle on only the first 2 of the yardstick's 50 bins\n2 mixed, 0 homogeneous; fingerprint "
+    )
+
+
+class SecondGuess(OracleSource):
+    """Answers 40 degrees off, with the truth as the second of two hypotheses or more."""
+
+    def __init__(self, offered: int) -> None:
+        super().__init__()
+        self._offered = offered
+
+    def estimate(self, image: PoseImage) -> list[PoseEstimate]:
+        answers = []
+        for estimate in super().estimate(image):
+            T = estimate.T_camera_part
+            wrong = T @ transform(so3_exp(np.radians(40) * np.array([0.6, 0.0, 0.8])))
+            hypotheses = (
+                PoseHypothesis(wrong, 0.9),
+                PoseHypothesis(T, 0.8),
+                *[PoseHypothesis(wrong, 0.7)] * (self._offered - 2),
+            )
+            answers.append(dataclasses.replace(estimate, T_camera_part=wrong, hypotheses=hypotheses))
+        return answers
+
+
+@pytest.mark.render
+@pytest.mark.parametrize(("offered", "told"), [(2, [1, 2]), (5, [1, 5]), (7, [1, 5, 7])])
+def test_the_best_of_the_hypotheses_is_told_up_to_the_number_that_was_offered(offered: int, told: list[int]) -> None:
+    (bin,) = yardstick_bins(1)
+    with BinScorer(SecondGuess(offered), ["perfect"]) as scorer:
+        result = summarize_scores("second", [bin], ["perfect"], [scorer.score(bin)])
+    assert list(result.best_of) == [("perfect", k) for k in told]
+    table = best_of_table(result)
+    assert table is not None and list(table.columns[1].cells) == [str(k) for k in told]
+    assert result.best_of["perfect", 1] == result.evaluations["perfect"].summary
+    assert result.best_of["perfect", 1].recall_5_deg < 0.5
+    for k in told[1:]:
+        assert result.best_of["perfect", k].recall_5_deg == 1
+        assert result.best_of["perfect", k].median_translation_mm < 1e-3
+
+
+def result_of(estimator: str, *bins: tuple[int, float]) -> YardstickResult:
+    """Return a result of these bins' targets and AR."""
+    figures = tuple(BinFigures(targets, ar, 0.5 * ar) for targets, ar in bins)
+    return YardstickResult(estimator, (), "", {}, {"perfect": figures}, {}, 0, {})
+
+
+def test_a_gain_is_the_difference_of_the_whole_and_its_interval_is_over_bins() -> None:
+    before = result_of("a", (10, 0.5), (30, 0.7), (0, 0.0), (20, 0.6))
+    after = result_of("b", (10, 0.6), (30, 0.8), (0, 0.0), (20, 0.7))
+    (alike,) = gains([before, after])
+    assert (alike.estimator, alike.before, alike.noise) == ("b", "a", "perfect")
+    assert alike.differences["ar"].value == pytest.approx(0.1) and alike.differences["ar"].has_no_width
+    assert alike.differences["ar"].low == pytest.approx(0.1) == alike.differences["ar"].high
+    (mixed,) = gains([before, result_of("c", (10, 0.9), (30, 0.7), (0, 0.0), (20, 0.5))])
+    assert mixed.differences["ar"].value == pytest.approx((10 * 0.4 - 20 * 0.1) / 60)
+    assert mixed.differences["ar"].low < 0 < mixed.differences["ar"].high
+    assert mixed.differences["below_5_deg"].value == pytest.approx(mixed.differences["ar"].value / 2)
+
+
+@pytest.mark.render
+def test_bins_weighted_by_targets_make_the_whole() -> None:
+    result = run_yardstick("oracle", noises=["realistic"], bins=2)
+    targets = np.array([figures.targets for figures in result.by_bin["realistic"]])
+    ar = np.array([figures.ar for figures in result.by_bin["realistic"]])
+    below = np.array([figures.below_5_deg for figures in result.by_bin["realistic"]])
+    whole = result.evaluations["realistic"]
+    assert (targets @ ar) / targets.sum() == pytest.approx(whole.scores.overall.ar)
+    assert (targets @ below) / targets.sum() == pytest.approx(whole.summary.recall_5_deg)
+    assert targets.sum() == whole.summary.count
+
+
+@pytest.mark.render
+def test_the_command_writes_the_figures_that_several_processes_find_too(tmp_path: Path, capsys) -> None:
+    out = tmp_path / "out"
+    assert main(["yardstick", "oracle", "--bins", "2", "--workers", "2", "--out", str(out)]) == 0
+    (written,) = json.loads((out / "yardstick.json").read_text())["results"]
+    here = json.loads(json.dumps(to_json(run_yardstick("oracle", bins=2)), allow_nan=True).replace("NaN", "null"))
+    for figures in (written, here):
+        for preset in figures["detections"].values():
+            preset.pop("ms_per_detection")
+    assert written == here
+    assert written["whole"] is False and written["detections"]["perfect"]["ar"] == 1
+    text = " ".join(capsys.readouterr().out.split())
+    assert "only the first 2 of the yardstick's 50 bins" in text and "oracle by visibility, realistic" in text
+
+
+@pytest.mark.render
+def test_figures_are_not_written_over_anything_by_accident(tmp_path: Path, capsys) -> None:
+    command = ["yardstick", "oracle", "--bins", "1", "--noise", "perfect", "--out", str(tmp_path / "out")]
+    assert main(command) == 0
+    before = (tmp_path / "out/yardstick.json").read_text()
+    assert main(command) == 2
+    assert "yardstick.json exists already. Choose another folder with --out, or --overwrite" in capsys.readouterr().err
+    assert (tmp_path / "out/yardstick.json").read_text() == before
+    assert main([*command, "--overwrite"]) == 0
+    (tmp_path / "notes.txt").write_text("mine")
+    assert main([*command[:-1], str(tmp_path / "notes.txt")]) == 2
+    assert "figures cannot be written to" in capsys.readouterr().err
+    assert main([*command[:-1], str(tmp_path), "--overwrite"]) == 2
+    assert "must be empty or hold figures of the yardstick, it holds notes.txt, out" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (("telepathy",), "no perception named 'telepathy'. Valid: coarse, fine, oracle"),
+        (("oracle", "--bins", "51"), "bins of the yardstick must be between 1 and 50, got 51"),
+        (("oracle", "--workers", "0"), "workers must be 1 or more, got 0"),
+        (("oracle", "--noise", "wild"), "wild"),
+        (("retrieval", "--iterations", "2"), "iterations and steps are of coarse and fine; 'retrieval' has none"),
+        (("retrieval", "--steps", "2"), "iterations and steps are of coarse and fine; 'retrieval' has none"),
+        (("fine", "--steps", "0"), "steps must be 1 or more, got 0"),
+        (("fine", "--iterations", "0"), "a fine network needs 1 iteration or more, got 0"),
+        (("retrieval@none",), "a mode must be written NAME or NAME@K with K hypotheses"),
+    ],
+)
+def test_bad_input_is_refused_before_anything_is_made(arguments, text, tmp_path: Path, capsys) -> None:
+    try:
+        code = main(["yardstick", *arguments, "--out", str(tmp_path / "out")])
+    except SystemExit as exit:
+        code = exit.code
+    errors = " ".join(capsys.readouterr().err.replace("│", "").split())
+    assert code == 2 and text in errors and not (tmp_path / "out").exists()
