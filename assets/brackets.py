@@ -8,8 +8,8 @@ import numpy as np
 from manifold3d import Manifold
 
 from simpick.assets import csg as s
-from simpick.assets.part import Part
 from simpick.assets.materials import BLACK_STEEL, GREEN_PAINT, ORANGE_PAINT, STEEL, ZINC_YELLOW
+from simpick.assets.part import Part
 from simpick.geometry.symmetry import SymmetryGroup
 
 

@@ -15,8 +15,8 @@ import trimesh
 from jaxtyping import Float
 from manifold3d import CrossSection, JoinType, Manifold, Mesh64, OpType
 
-from simpick.assets.part import Part
 from simpick.assets.materials import Stock
+from simpick.assets.part import Part
 from simpick.geometry.symmetry import ContinuousSymmetry, SymmetryGroup
 from simpick.geometry.transforms import transform
 

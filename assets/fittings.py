@@ -9,8 +9,8 @@ import numpy as np
 from manifold3d import CrossSection, Manifold
 
 from simpick.assets import csg as s
-from simpick.assets.part import Part
 from simpick.assets.materials import ALUMINIUM, BRASS, CAST_IRON, COPPER, GREY_PVC
+from simpick.assets.part import Part
 from simpick.geometry.symmetry import SymmetryGroup
 from simpick.geometry.transforms import so3_exp, transform
 

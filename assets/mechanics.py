@@ -6,8 +6,8 @@ import numpy as np
 from manifold3d import CrossSection
 
 from simpick.assets import csg as s
-from simpick.assets.part import Part
 from simpick.assets.materials import ALUMINIUM, BLUE_ANODISED, BRONZE, STEEL, WHITE_POM
+from simpick.assets.part import Part
 from simpick.geometry.symmetry import SymmetryGroup
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from simpick.assets import csg as s
-from simpick.assets.part import Part
 from simpick.assets.materials import BLACK_NYLON, GREEN_POLYAMIDE, GREY_PVC, ORANGE_ABS, RED_ANODISED
+from simpick.assets.part import Part
 from simpick.geometry.symmetry import SymmetryGroup
 
 

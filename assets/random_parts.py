@@ -14,8 +14,8 @@ from jaxtyping import Float
 from manifold3d import CrossSection, Manifold
 
 from simpick.assets import csg as s
-from simpick.assets.part import Material, Part
 from simpick.assets.materials import Stock
+from simpick.assets.part import Material, Part
 from simpick.assets.symmetry_detection import detect_symmetries
 from simpick.errors import ConfigError
 

@@ -12,7 +12,7 @@ from simpick.geometry import box_of_mask
 from simpick.records import CameraFrame, Detection
 
 
-def answerable(
+def valid_detections(
     detections: Sequence[Detection], frame: CameraFrame, min_mask_px: int
 ) -> list[tuple[Detection, Bool[np.ndarray, "height width"], Float[np.ndarray, "4"]]]:
     """Return the detections with enough pixels, each with its mask and the box around that.

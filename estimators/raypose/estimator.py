@@ -15,18 +15,18 @@ from jaxtyping import Float, Int
 
 from simpick.assets.part import Part
 from simpick.errors import CheckpointError, ConfigError, UnknownNameError
-from simpick.estimators.valid_detections import answerable
 from simpick.estimators.base import PoseEstimator
 from simpick.estimators.pose_clusters import cluster_hypotheses
 from simpick.estimators.raypose.checkpoints import load_checkpoint, shipped_checkpoint
-from simpick.estimators.raypose.network.consensus import agreement, combine_views
-from simpick.estimators.raypose.sample_views import sample_views
-from simpick.estimators.raypose.network.model import RayPose
-from simpick.estimators.raypose.network.pose_maps import ViewPoses
 from simpick.estimators.raypose.crops.query_crops import QueryCrops, crop_queries
 from simpick.estimators.raypose.diffusion.schedule import make_schedule
-from simpick.estimators.raypose.template_bank import TemplateBank
+from simpick.estimators.raypose.network.consensus import agreement, combine_views
+from simpick.estimators.raypose.network.model import RayPose
+from simpick.estimators.raypose.network.pose_maps import ViewPoses
 from simpick.estimators.raypose.network.tokens import QueryTokens, TemplateTokens, map_tensors
+from simpick.estimators.raypose.sample_views import sample_views
+from simpick.estimators.raypose.template_bank import TemplateBank
+from simpick.estimators.valid_detections import valid_detections
 from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
 from simpick.rendering import load_templates
 
@@ -132,7 +132,7 @@ class RayPoseEstimator:
                 raise UnknownNameError(
                     "onboarded part", detection.part, self._banks, "Call onboard(part) before estimate()."
                 )
-        found = answerable(detections, frame, self.config.min_mask_px)
+        found = valid_detections(detections, frame, self.config.min_mask_px)
         starts = self._starts(frame, [d for d, _, _ in found])
         if starts is not None:
             found = [f for f in found if id(f[0]) in starts]
@@ -223,8 +223,10 @@ class RayPoseEstimator:
         places = np.split(np.arange(len(rows)), range(_AT_ONCE, len(rows), _AT_ONCE))
         answers = [self._answer_few(_some(queries, rows[few]), templates_of(few), is_last=is_last) for few in places]
         poses, scores = zip(*answers, strict=True)
-        R, centre, reach_m = (torch.cat([getattr(pose, f) for pose in poses]) for f in ("R", "centre", "reach_m"))
-        return ViewPoses(R, centre, reach_m), np.concatenate(scores)
+        R, centre, half_extent_at_depth_m = (
+            torch.cat([getattr(pose, f) for pose in poses]) for f in ("R", "centre", "half_extent_at_depth_m")
+        )
+        return ViewPoses(R, centre, half_extent_at_depth_m), np.concatenate(scores)
 
     def _answer_few(
         self, own: QueryTokens, templates: TemplateTokens, *, is_last: bool

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import torch
 
-from simpick.estimators.raypose.network.model import RayPose
-from simpick.estimators.raypose.network.pose_maps import CHANNELS, ViewPoses, decode_pose_maps
 from simpick.estimators.raypose.diffusion.sampler import sample
 from simpick.estimators.raypose.diffusion.schedule import Schedule
+from simpick.estimators.raypose.network.model import RayPose
+from simpick.estimators.raypose.network.pose_maps import CHANNELS, ViewPoses, decode_pose_maps
 from simpick.estimators.raypose.network.tokens import Conditioning
 
 
@@ -16,8 +16,8 @@ def sample_views(
 ) -> ViewPoses:
     """Return every template's hypothesis, leading dimensions (batch, views); noise comes from `generator`."""
     config, reference = model.config, conditioning.reference
-    shape = (*reference.reach_m.shape, config.map_cells, config.map_cells, CHANNELS)
+    shape = (*reference.half_extent_at_depth_m.shape, config.map_cells, config.map_cells, CHANNELS)
     # The same noise for every query, so that an answer does not depend on its place in the batch.
-    noise = torch.randn(shape[1:], generator=generator).to(reference.reach_m.device).expand(shape)
+    noise = torch.randn(shape[1:], generator=generator).to(reference.half_extent_at_depth_m.device).expand(shape)
     maps = sample(lambda noisy, log_snr: model.denoise(noisy, log_snr, conditioning), noise, schedule, steps)
     return decode_pose_maps(maps.float(), reference, config.padding)

@@ -11,11 +11,11 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from simpick.assets.part import Part
+from simpick.estimators.raypose.crops.template_choice import choose_around, spread_over_sphere
+from simpick.estimators.raypose.crops.template_crops import collate, crop_templates
 from simpick.estimators.raypose.network.flow import FlowCells
 from simpick.estimators.raypose.network.model import RayPose
 from simpick.estimators.raypose.network.pose_maps import ViewPoses
-from simpick.estimators.raypose.crops.template_choice import choose_around, spread_over_sphere
-from simpick.estimators.raypose.crops.template_crops import collate, crop_templates
 from simpick.estimators.raypose.network.tokens import TemplateTokens
 from simpick.geometry import SymmetryGroup, invert, transform_points
 from simpick.rendering import TemplateSet

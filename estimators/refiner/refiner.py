@@ -11,7 +11,6 @@ from jaxtyping import Bool, Float, Int
 
 from simpick.assets.part import Part
 from simpick.errors import ConfigError, UnknownNameError
-from simpick.estimators.valid_detections import detection_mask
 from simpick.estimators.pose_clusters import cluster_hypotheses
 from simpick.estimators.refiner.alignment import Alignment, Target, align
 from simpick.estimators.refiner.config import AlignmentLevel, RefinerConfig
@@ -19,6 +18,7 @@ from simpick.estimators.refiner.levenberg_marquardt import minimise
 from simpick.estimators.refiner.part_renderers import PartRenderers
 from simpick.estimators.refiner.query_maps import QueryMaps, query_maps
 from simpick.estimators.refiner.rendered_maps import rendered_maps
+from simpick.estimators.valid_detections import detection_mask
 from simpick.geometry import VirtualCameras, box_of_mask, invert
 from simpick.records import CameraFrame, Detection, PoseHypothesis
 

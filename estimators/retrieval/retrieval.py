@@ -12,10 +12,10 @@ from jaxtyping import Float
 
 from simpick.assets.part import Part
 from simpick.errors import ConfigError, UnknownNameError
-from simpick.estimators.valid_detections import answerable
 from simpick.estimators.retrieval.descriptors import CROP_PX, describe, luminance
 from simpick.estimators.retrieval.template_index import Matches, TemplateIndex, load_index
 from simpick.estimators.retrieval.turned_crops import PADDING
+from simpick.estimators.valid_detections import valid_detections
 from simpick.geometry import CropBatch, crop_images, transform
 from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
 from simpick.rendering import TemplateConfig
@@ -126,7 +126,7 @@ class RetrievalEstimator:
 
     def _crop(self, frame: CameraFrame, detections: Sequence[Detection]) -> tuple[list[Detection], CropBatch | None]:
         """Return the detections that can be answered, and their crops; None if there are none."""
-        answered = answerable(detections, frame, self.config.min_mask_px)
+        answered = valid_detections(detections, frame, self.config.min_mask_px)
         if not answered:
             return [], None
         kept, masks, boxes = (list(column) for column in zip(*answered, strict=True))

@@ -8,7 +8,7 @@ from typing import Literal
 
 import tyro
 
-from simpick.training.resources import Machine
+from simpick.training.resources import Resources
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Ablate:
     """Folder for runs, data and tables."""
     config: Path | None = None
     """JSON file with settings of training and data, as for `simpick train`."""
-    machine: tyro.conf.OmitArgPrefixes[Machine] = field(default_factory=Machine)
+    resources: tyro.conf.OmitArgPrefixes[Resources] = field(default_factory=Resources)
     """What to use of this machine."""
 
     def run(self) -> int:
@@ -41,16 +41,16 @@ class Ablate:
 
         from simpick.estimators.raypose.network.config import preset
         from simpick.training import ablations
+        from simpick.training.config import TrainConfig
         from simpick.training.config_file import load_train_config
         from simpick.training.curves import plot_scaling, read_log
-        from simpick.training.run_folder import RunFolder
-        from simpick.training.config import TrainConfig
         from simpick.training.progress import TrainProgress
+        from simpick.training.run_folder import RunFolder
         from simpick.training.trainer import Budget
 
         budget = Budget(self.minutes, self.steps)
         training = load_train_config(self.config) if self.config else TrainConfig()
-        ablation = ablations.Ablation(preset(self.size), training, budget, self.out, self.machine)
+        ablation = ablations.Ablation(preset(self.size), training, budget, self.out, self.resources)
         is_paper = self.what == "paper"
         variants = list(dict.fromkeys(v.name for v in ablations.COMPONENTS + ablations.TEMPLATES))
         by_name = {v.name: v for v in ablations.COMPONENTS + ablations.TEMPLATES + ablations.SCHEDULE_VARIANTS}

@@ -21,12 +21,12 @@ from simpick.cli.doctor import Doctor
 from simpick.cli.evaluate import Evaluate
 from simpick.cli.grasps import GraspsCommand
 from simpick.cli.parts import PartsCommand
+from simpick.cli.pose_benchmark import Yardstick
 from simpick.cli.refiner import RefinerCommand
 from simpick.cli.run import Run
 from simpick.cli.sweep import Sweep
 from simpick.cli.templates import TemplatesCommand
 from simpick.cli.train import Train
-from simpick.cli.pose_benchmark import Yardstick
 from simpick.errors import SimpickError
 
 DESCRIPTION = "A wind tunnel for robotic bin picking: will this part be picked from RGB, how fast, and why not?"

@@ -45,35 +45,35 @@ class Yardstick:
 
         from simpick.assets.library import get_part
         from simpick.errors import ConfigError
-        from simpick.experiments.perceptions import Effort
-        from simpick.pose_eval.pose_sources import make_source
-        from simpick.pose_eval.benchmark_bins import yardstick_bins
+        from simpick.experiments.perceptions import PoseBudget
+        from simpick.pose_eval.benchmark_bins import benchmark_bins
         from simpick.pose_eval.benchmark_gains import gains, gains_table
         from simpick.pose_eval.benchmark_report import (
-            YardstickStore,
+            PoseBenchmarkStore,
+            benchmark_table,
             best_of_table,
             onboarding_line,
             visibility_tables,
-            yardstick_table,
         )
-        from simpick.pose_eval.benchmark_runs import make_views, run_yardstick
+        from simpick.pose_eval.benchmark_runs import make_views, run_pose_benchmark
+        from simpick.pose_eval.pose_sources import make_source
 
-        bins = yardstick_bins(self.bins)
+        bins = benchmark_bins(self.bins)
         if not self.estimators:
             raise ConfigError("name one estimator or more, such as: simpick yardstick oracle retrieval")
         if self.workers < 1:
             raise ConfigError(f"workers must be 1 or more, got {self.workers}")
-        effort = Effort(self.iterations, self.steps)
+        budget = PoseBudget(self.iterations, self.steps)
         # Before any bin is made or file is written, so that a wrong name costs nothing.
         for estimator in self.estimators:
-            make_source(estimator, get_part, self.hypotheses, effort)
+            make_source(estimator, get_part, self.hypotheses, budget)
         settings = {
             "workers": self.workers,
             "hypotheses_asked_for": self.hypotheses,
             "iterations_asked_for": self.iterations,
             "steps_asked_for": self.steps,
         }
-        store = None if self.out is None else YardstickStore(self.out, settings, overwrite=self.overwrite)
+        store = None if self.out is None else PoseBenchmarkStore(self.out, settings, overwrite=self.overwrite)
         console = Console()
         start = time.perf_counter()
         if made := make_views(bins, workers=self.workers, console=console):
@@ -81,17 +81,17 @@ class Yardstick:
         results = []
         for estimator in self.estimators:
             start = time.perf_counter()
-            result = run_yardstick(
+            result = run_pose_benchmark(
                 estimator,
                 noises=self.noise,
                 bins=self.bins,
                 hypotheses=self.hypotheses,
-                effort=effort,
+                budget=budget,
                 workers=self.workers,
                 console=console,
             )
             elapsed_s = time.perf_counter() - start
-            for table in (yardstick_table(result), *visibility_tables(result), best_of_table(result)):
+            for table in (benchmark_table(result), *visibility_tables(result), best_of_table(result)):
                 if table is not None:
                     console.print(table)
             if line := onboarding_line(result):

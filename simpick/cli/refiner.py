@@ -30,14 +30,14 @@ class RefinerBasin:
 
         from simpick.errors import ConfigError
         from simpick.estimators.refiner import Refiner
+        from simpick.pose_eval.benchmark_bins import benchmark_bins, load_view
         from simpick.pose_eval.refiner_basin import measure_basin, plot_basin
-        from simpick.pose_eval.benchmark_bins import load_view, yardstick_bins
 
         if not self.starts_deg or min(self.starts_deg) < 0 or max(self.starts_deg) > 180:
             raise ConfigError(f"starts_deg must be one or more angles between 0 and 180, got {self.starts_deg}")
         if not 0 <= self.depth_percent < 100:
             raise ConfigError(f"depth_percent must be between 0 and 100, got {self.depth_percent}")
-        views = [load_view(bin) for bin in yardstick_bins(self.bins)]
+        views = [load_view(bin) for bin in benchmark_bins(self.bins)]
         with Refiner() as refiner:
             points = measure_basin(views, refiner, self.starts_deg, self.depth_percent / 100, self.seed)
         plot_basin(points, self.out)
@@ -71,6 +71,7 @@ class RefinerCalibrate:
         from simpick.estimators.refiner import RefinedEstimator
         from simpick.estimators.refiner.confidence import fit_confidence
         from simpick.estimators.retrieval import RetrievalConfig, RetrievalEstimator
+        from simpick.pose_eval.benchmark_bins import benchmark_bins, load_view
         from simpick.pose_eval.refiner_calibration import (
             Outcomes,
             brier_score,
@@ -80,9 +81,8 @@ class RefinerCalibrate:
             random_bin,
             write_confidence,
         )
-        from simpick.pose_eval.benchmark_bins import load_view, yardstick_bins
 
-        check = [load_view(bin) for bin in yardstick_bins(self.check_bins)]
+        check = [load_view(bin) for bin in benchmark_bins(self.check_bins)]
         fit = [random_bin(k, self.parts, self.count) for k in range(self.bins)]
         fitted_on: dict[str, Outcomes] = {}
         held_out: dict[str, Outcomes] = {}

@@ -34,8 +34,8 @@ class Run:
 
         from simpick.cli.parts import describe_files
         from simpick.experiments.episodes import recording_file, validate
-        from simpick.experiments.result_store import ResultStore
         from simpick.experiments.provenance import run_identity
+        from simpick.experiments.result_store import ResultStore
         from simpick.experiments.runs import check_workers, run_episodes
 
         check_workers(self.workers)

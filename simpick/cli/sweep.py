@@ -37,8 +37,8 @@ class Sweep:
         from rich.console import Console
 
         from simpick.cli.parts import describe_files
-        from simpick.experiments.sweep import NoiseStep, plot_steps, run_step, steps_table, write_csv
         from simpick.experiments.runs import check_workers
+        from simpick.experiments.sweep import NoiseStep, plot_steps, run_step, steps_table, write_csv
 
         if self.config.perception != "oracle" or self.config.noise_mm or self.config.noise_deg:
             raise ConfigError(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
-from simpick.training.resources import Machine
+from simpick.training.resources import Resources
 
 if TYPE_CHECKING:
     from simpick.estimators.raypose.network.config import RayPoseConfig
@@ -62,7 +62,7 @@ class Train:
     """Held-out parts (10)."""
     validation_queries: int | None = None
     """Queries of each (8)."""
-    machine: tyro.conf.OmitArgPrefixes[Machine] = field(default_factory=Machine)
+    resources: tyro.conf.OmitArgPrefixes[Resources] = field(default_factory=Resources)
     """What to use of this machine."""
     relative_pose: bool = True
     """Predict poses relative to templates."""
@@ -88,14 +88,14 @@ class Train:
         from rich.console import Console
 
         from simpick.training.curves import write_curves
-        from simpick.training.distributed import Processes
-        from simpick.training.run_folder import RunFolder
+        from simpick.training.distributed import Distributed
         from simpick.training.progress import TrainProgress
+        from simpick.training.run_folder import RunFolder
         from simpick.training.trainer import Budget, train
 
         network, config, budget = self.network(), self.training(), Budget(self.minutes, self.steps)
         folder = self.out or Path("logs/train") / f"{self.mode}-{self.size}"
-        is_first = Processes.from_environment(self.machine.device).is_first
+        is_first = Distributed.from_environment(self.resources.device).is_first
         console = Console(quiet=not is_first)
         console.print(f"training {self.mode} ({self.size}) in {folder}", soft_wrap=True)
         progress = TrainProgress(budget, console)
@@ -106,7 +106,7 @@ class Train:
                     config,
                     budget,
                     folder,
-                    machine=self.machine,
+                    resources=self.resources,
                     start_from=self.start_from,
                     dino_weights=self.dino_weights,
                     on_row=progress.show,
@@ -151,8 +151,8 @@ class Train:
         """Return the training's configuration; raises ConfigError."""
         import dataclasses
 
-        from simpick.training.config_file import load_train_config
         from simpick.training.config import TrainConfig
+        from simpick.training.config_file import load_train_config
 
         config = load_train_config(self.config) if self.config else TrainConfig()
         given = {name: getattr(self, name) for name in _TRAINING if getattr(self, name) is not None}

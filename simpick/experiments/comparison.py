@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
+from simpick.experiments.analysis.failure_causes import Failure, find_failures
+from simpick.experiments.analysis.paired import PairedStatistics, compare_modes, paired_bins
 from simpick.experiments.compare_config import CompareConfig
 from simpick.experiments.episodes import recording_file, validate
-from simpick.experiments.analysis.failure_causes import Failure, find_failures
 from simpick.experiments.modes import ORACLE
-from simpick.experiments.analysis.paired import PairedStatistics, compare_modes, paired_bins
+from simpick.experiments.provenance import run_identity
 from simpick.experiments.result_store import EpisodeResult, ResultStore
 from simpick.experiments.run_config import RunConfig
-from simpick.experiments.provenance import run_identity
 from simpick.experiments.runs import Job, run_jobs
 
 COMPARE_FILE = "compare.json"

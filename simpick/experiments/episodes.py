@@ -14,12 +14,12 @@ from simpick.assets.library import library_part_names
 from simpick.assets.part import Part
 from simpick.envs.bin_pick import BinPickEnv
 from simpick.envs.observations import frame_from_observation
-from simpick.metrics.models import EvaluationModel
 from simpick.experiments.perceptions import make_perception, make_refiner
-from simpick.metrics.pose_errors import pose_error
 from simpick.experiments.result_store import EpisodeResult
 from simpick.experiments.run_config import CellConfig, RunConfig
 from simpick.geometry import invert
+from simpick.metrics.models import EvaluationModel
+from simpick.metrics.pose_errors import pose_error
 from simpick.policies import PickPolicy
 from simpick.policies.pick_policy import Decision
 from simpick.recording.base import NullRecorder, Recorder

@@ -26,7 +26,7 @@ ENTRY_POINT_GROUP = "simpick.estimators"
 
 
 @dataclass(frozen=True)
-class Effort:
+class PoseBudget:
     """How much work ``coarse`` and ``fine`` do; None is their own number."""
 
     iterations: int | None = None
@@ -50,13 +50,15 @@ def _retrieval_refined(hypotheses: int | None) -> PoseEstimator:
     return _refine(_retrieval(hypotheses), "retrieval_refined")
 
 
-def _raypose(mode: Literal["coarse", "fine"], hypotheses: int | None, effort: Effort | None = None) -> PoseEstimator:
+def _raypose(
+    mode: Literal["coarse", "fine"], hypotheses: int | None, budget: PoseBudget | None = None
+) -> PoseEstimator:
     from simpick.estimators.raypose import RayPoseEstimatorConfig, load_estimator
 
     config = RayPoseEstimatorConfig(hypotheses=1 if hypotheses is None else hypotheses)
-    if effort is not None:
-        steps = effort.steps or config.steps
-        config = dataclasses.replace(config, iterations=effort.iterations, steps=steps)
+    if budget is not None:
+        steps = budget.steps or config.steps
+        config = dataclasses.replace(config, iterations=budget.iterations, steps=steps)
     return load_estimator(mode, config)
 
 
@@ -85,17 +87,17 @@ def estimator_names() -> list[str]:
     return ["oracle", *SHIPPED, *(e.name for e in entry_points(group=ENTRY_POINT_GROUP))]
 
 
-def make_estimator(name: str, hypotheses: int | None = None, effort: Effort | None = None) -> PoseEstimator:
+def make_estimator(name: str, hypotheses: int | None = None, budget: PoseBudget | None = None) -> PoseEstimator:
     """Return a pose estimator that works from images alone, asked for this many hypotheses or for its own number.
 
     Raises:
         UnknownNameError: no estimator has this name; the message lists those that exist.
-        ConfigError: a number of hypotheses or an effort that the estimator does not take.
+        ConfigError: a number of hypotheses or an budget that the estimator does not take.
     """
-    if effort is not None and effort != Effort():
+    if budget is not None and budget != PoseBudget():
         if name not in ("coarse", "fine"):
             raise ConfigError(f"iterations and steps are of coarse and fine; {name!r} has none. Leave them out")
-        return _raypose(name, hypotheses, effort)
+        return _raypose(name, hypotheses, budget)
     if name in SHIPPED:
         return SHIPPED[name](hypotheses)
     for entry in entry_points(group=ENTRY_POINT_GROUP):

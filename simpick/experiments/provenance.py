@@ -8,8 +8,8 @@ from typing import Any
 
 from simpick.assets.library import get_part, library_part_names
 from simpick.caching import cache_key
-from simpick.experiments.provenance_changes import GRASPS, MODE_DATA, PART_CONTENT, VERSIONS
 from simpick.experiments.mode_files import mode_data
+from simpick.experiments.provenance_changes import GRASPS, MODE_DATA, PART_CONTENT, VERSIONS
 from simpick.experiments.run_config import CellConfig, RunConfig
 from simpick.grasping.store import recipe, shipped_path
 

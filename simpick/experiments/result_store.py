@@ -113,7 +113,7 @@ class ResultStore:
             folder.mkdir(parents=True, exist_ok=True)
             if overwrite:
                 self._remove_own_files()
-            self._open(strangers_allowed=overwrite)
+            self._open(unexpected_files_allowed=overwrite)
         except OutputError:
             raise
         except OSError as error:
@@ -123,13 +123,13 @@ class ResultStore:
                 f"results cannot be written to {folder}: {reason}. Choose a folder that you may write with --out"
             ) from error
 
-    def _open(self, *, strangers_allowed: bool) -> None:
+    def _open(self, *, unexpected_files_allowed: bool) -> None:
         config_file = self._config_file
         if not config_file.exists():
-            strangers = sorted(f.name for f in self.folder.iterdir())
-            if strangers and not strangers_allowed:
+            unexpected_files = sorted(f.name for f in self.folder.iterdir())
+            if unexpected_files and not unexpected_files_allowed:
                 raise OutputError(
-                    f"{self.folder} must be empty or hold results of simpick, it holds {', '.join(strangers[:5])}. "
+                    f"{self.folder} must be empty or hold results of simpick, it holds {', '.join(unexpected_files[:5])}. "
                     "Choose another folder with --out"
                 )
             atomic_write_text(config_file, json.dumps(self.config, indent=2) + "\n")

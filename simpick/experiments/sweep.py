@@ -11,13 +11,13 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from simpick.experiments.episodes import validate
 from simpick.experiments.analysis.grasp_scores import GraspScores, score_grasps
-from simpick.metrics.intervals import wilson_interval
+from simpick.experiments.episodes import validate
+from simpick.experiments.provenance import run_identity
 from simpick.experiments.result_store import ResultStore
 from simpick.experiments.run_config import RunConfig
-from simpick.experiments.provenance import run_identity
 from simpick.experiments.runs import run_episodes
+from simpick.metrics.intervals import wilson_interval
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Bool, Float
 
-from simpick.metrics.models import EvaluationModel
 from simpick.geometry import Pinhole, invert, rotation_angle, transform_points
+from simpick.metrics.models import EvaluationModel
 from simpick.records import PoseError
 
 

@@ -13,11 +13,11 @@ import numpy as np
 from jaxtyping import Float
 
 from simpick.errors import ConfigError
+from simpick.geometry import Pinhole
 from simpick.metrics.matching import greedy_matches, top_estimates, valid_truths
 from simpick.metrics.models import EvaluationModel
 from simpick.metrics.pose_errors import bounding_spheres_overlap, mspd, mssd, sphere_projections_overlap
 from simpick.metrics.visible_surface import VSD_DELTA_M, VSD_TAUS, vsd
-from simpick.geometry import Pinhole
 
 VSD_THRESHOLDS = np.arange(0.05, 0.51, 0.05)
 """An estimate is correct if its VSD is below; a recall for each, at each of `VSD_TAUS`."""

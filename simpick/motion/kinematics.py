@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from simpick.assets.robots.registry import Robot
-from simpick.geometry.transforms import invert, quaternion_from_matrix, rotation_angle
 from simpick.assets.robots.ur5e_inverse import inverse
+from simpick.geometry.transforms import invert, quaternion_from_matrix, rotation_angle
 
 POSITION_TOLERANCE_M = 1e-4
 """A solution's TCP is at most this far from the commanded one."""

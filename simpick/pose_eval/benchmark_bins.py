@@ -20,9 +20,9 @@ import numpy as np
 from simpick.assets.library import get_part
 from simpick.caching import atomic_write_bytes, cache_dir, cache_key
 from simpick.errors import ConfigError, UnknownPartError
+from simpick.geometry import Pinhole
 from simpick.pose_eval.bin_images import BinView, view_bin
 from simpick.pose_eval.pose_images import PoseTruth
-from simpick.geometry import Pinhole
 from simpick.records import CameraFrame
 from simpick.scene import SceneConfig
 from simpick.scene.randomization import RANDOMIZATIONS
@@ -79,7 +79,7 @@ _ARRAYS = ("rgb", "depth_m", "instances", "camera", "T_world_camera", "names", "
 
 
 @dataclass(frozen=True)
-class YardstickBin:
+class BenchmarkBin:
     """One of the fixed bins."""
 
     kind: Literal["mixed", "homogeneous"]
@@ -88,7 +88,7 @@ class YardstickBin:
     """Without the arm: at home it stands out of the overhead camera's sight."""
 
 
-def yardstick_bins(count: int | None = None) -> tuple[YardstickBin, ...]:
+def benchmark_bins(count: int | None = None) -> tuple[BenchmarkBin, ...]:
     """Return the first `count` bins of the yardstick, or all.
 
     Every five bins hold three mixed ones, and each number of parts once, so that a beginning is much like the whole.
@@ -97,11 +97,11 @@ def yardstick_bins(count: int | None = None) -> tuple[YardstickBin, ...]:
         ConfigError: there are not so many.
     """
     mixed = [
-        YardstickBin("mixed", seed, _config(MIXED_PARTS, MIXED_COUNTS[k % len(MIXED_COUNTS)]))
+        BenchmarkBin("mixed", seed, _config(MIXED_PARTS, MIXED_COUNTS[k % len(MIXED_COUNTS)]))
         for k, seed in enumerate(MIXED_SEEDS)
     ]
     homogeneous = [
-        YardstickBin("homogeneous", seed, _config((part,), HOMOGENEOUS_COUNTS[k % len(HOMOGENEOUS_COUNTS)]))
+        BenchmarkBin("homogeneous", seed, _config((part,), HOMOGENEOUS_COUNTS[k % len(HOMOGENEOUS_COUNTS)]))
         for k, (seed, part) in enumerate(zip(HOMOGENEOUS_SEEDS, HOMOGENEOUS_PARTS, strict=True))
     ]
     bins = [bin for k in range(10) for bin in (*mixed[3 * k : 3 * k + 3], *homogeneous[2 * k : 2 * k + 2])]
@@ -110,7 +110,7 @@ def yardstick_bins(count: int | None = None) -> tuple[YardstickBin, ...]:
     return tuple(bins[:count])
 
 
-def load_view(bin: YardstickBin) -> BinView:
+def load_view(bin: BenchmarkBin) -> BinView:
     """Return what the overhead camera sees of a bin, from the cache, or simulate, render and keep it.
 
     Any number of processes may ask at once; a damaged file is made again.
@@ -124,7 +124,7 @@ def load_view(bin: YardstickBin) -> BinView:
     return view
 
 
-def view_path(bin: YardstickBin) -> Path:
+def view_path(bin: BenchmarkBin) -> Path:
     """Return where a bin's view is kept; the name tells all that it was made from."""
     key = cache_key(
         _VERSION,

@@ -11,7 +11,7 @@ from rich.box import SIMPLE
 from rich.table import Table
 
 from simpick.metrics.intervals import Interval, percentile_interval, resample_bins, resampled_ratio
-from simpick.pose_eval.benchmark_runs import BinFigures, YardstickResult
+from simpick.pose_eval.benchmark_runs import BinFigures, PoseBenchmarkResult
 
 FIGURES = ("ar", "below_5_deg")
 """Of `BinFigures`: what is compared."""
@@ -31,7 +31,7 @@ class Gain:
     """By figure, as shares: this estimator's less the other's, with 95 % intervals over bins."""
 
 
-def gains(results: Sequence[YardstickResult]) -> list[Gain]:
+def gains(results: Sequence[PoseBenchmarkResult]) -> list[Gain]:
     """Return each estimator's gain over the one before it, for every preset of detections that both have."""
     return [
         Gain(after.estimator, before.estimator, noise, _differences(before.by_bin[noise], after.by_bin[noise]))

@@ -14,10 +14,10 @@ from rich.table import Table
 
 from simpick.caching import atomic_write_text
 from simpick.errors import OutputError
-from simpick.pose_eval.pose_evaluation import PoseEvaluation
 from simpick.metrics.summaries import PoseSummary
-from simpick.pose_eval.benchmark_bins import yardstick_bins
-from simpick.pose_eval.benchmark_runs import YardstickResult
+from simpick.pose_eval.benchmark_bins import benchmark_bins
+from simpick.pose_eval.benchmark_runs import PoseBenchmarkResult
+from simpick.pose_eval.pose_evaluation import PoseEvaluation
 
 YARDSTICK_FILE = "yardstick.json"
 _ERRORS = ("deg", "mm", "depth %", "<5 deg", "<15 deg", "<30 deg")
@@ -25,9 +25,9 @@ _ERRORS = ("deg", "mm", "depth %", "<5 deg", "<15 deg", "<30 deg")
 _STYLE: dict[str, Any] = {"box": SIMPLE, "pad_edge": False, "padding": (0, 1, 0, 0)}
 
 
-def title(result: YardstickResult) -> str:
+def title(result: PoseBenchmarkResult) -> str:
     """Return who was measured on what; a part of the yardstick is called so."""
-    count, whole = len(result.bins), len(yardstick_bins())
+    count, whole = len(result.bins), len(benchmark_bins())
     bins = (
         f"the yardstick's {whole} bins" if count == whole else f"only the first {count} of the yardstick's {whole} bins"
     )
@@ -35,7 +35,7 @@ def title(result: YardstickResult) -> str:
     return f"{result.estimator} on {bins}\n{mixed} mixed, {count - mixed} homogeneous; fingerprint {result.fingerprint}"
 
 
-def yardstick_table(result: YardstickResult) -> Table:
+def benchmark_table(result: PoseBenchmarkResult) -> Table:
     """Return one column for each preset of detections: counts, errors, recalls (misses count as wrong), AR and time."""
     columns: list[list[str]] = []
     for evaluation in result.evaluations.values():
@@ -65,7 +65,7 @@ def yardstick_table(result: YardstickResult) -> Table:
     return table
 
 
-def visibility_tables(result: YardstickResult) -> list[Table]:
+def visibility_tables(result: PoseBenchmarkResult) -> list[Table]:
     """Return errors and recalls by how much of the part is seen, a table for each preset of detections."""
     tables = []
     for noise, evaluation in result.evaluations.items():
@@ -79,7 +79,7 @@ def visibility_tables(result: YardstickResult) -> list[Table]:
     return tables
 
 
-def best_of_table(result: YardstickResult) -> Table | None:
+def best_of_table(result: PoseBenchmarkResult) -> Table | None:
     """Return what the best of the first K hypotheses would be; None if the estimator makes none."""
     if not result.best_of:
         return None
@@ -94,7 +94,7 @@ def best_of_table(result: YardstickResult) -> Table | None:
     return table
 
 
-def onboarding_line(result: YardstickResult) -> str | None:
+def onboarding_line(result: PoseBenchmarkResult) -> str | None:
     """Return how long onboarding took, in words; None if there was nothing to onboard."""
     if not result.onboarding_s:
         return None
@@ -102,7 +102,7 @@ def onboarding_line(result: YardstickResult) -> str | None:
     return f"onboarding: {count} parts in {total:.1f} s, {total / count:.2f} s a part (less where cached before)"
 
 
-class YardstickStore:
+class PoseBenchmarkStore:
     """A folder for one yardstick's figures: ``yardstick.json``, replaced as a whole after each estimator."""
 
     def __init__(self, folder: Path, settings: dict[str, Any], *, overwrite: bool = False) -> None:
@@ -131,19 +131,19 @@ class YardstickStore:
                 "Choose another folder with --out"
             )
 
-    def add(self, result: YardstickResult) -> None:
+    def add(self, result: PoseBenchmarkResult) -> None:
         """Add an estimator's figures and write the file."""
         self._results.append(to_json(result))
         content = {**self._settings, "results": self._results}
         atomic_write_text(self.file, json.dumps(_without_nan(content), indent=2, allow_nan=False) + "\n")
 
 
-def to_json(result: YardstickResult) -> dict[str, Any]:
+def to_json(result: PoseBenchmarkResult) -> dict[str, Any]:
     """Return all figures as plain values; recalls and averages of recalls as shares, unknown ones as NaN."""
     return {
         "estimator": result.estimator,
         "bins": len(result.bins),
-        "whole": len(result.bins) == len(yardstick_bins()),
+        "whole": len(result.bins) == len(benchmark_bins()),
         "mixed": sum(bin.kind == "mixed" for bin in result.bins),
         "fingerprint": result.fingerprint,
         "onboarding_s": result.onboarding_s,

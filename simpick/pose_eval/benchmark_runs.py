@@ -15,8 +15,11 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from simpick.assets.library import get_part
 from simpick.errors import ConfigError
+from simpick.experiments.perceptions import PoseBudget
+from simpick.metrics.scores import average_recalls
+from simpick.metrics.summaries import PoseSummary
+from simpick.pose_eval.benchmark_bins import BenchmarkBin, benchmark_bins, fingerprint, load_view, view_path
 from simpick.pose_eval.best_of import best_of
-from simpick.experiments.perceptions import Effort
 from simpick.pose_eval.pose_evaluation import (
     ImageErrors,
     InstanceError,
@@ -26,10 +29,7 @@ from simpick.pose_eval.pose_evaluation import (
 )
 from simpick.pose_eval.pose_images import PoseModel
 from simpick.pose_eval.pose_sources import EstimatorSource, PoseSource, make_source
-from simpick.metrics.scores import average_recalls
-from simpick.metrics.summaries import PoseSummary
 from simpick.process_pool import spawned_pool
-from simpick.pose_eval.benchmark_bins import YardstickBin, fingerprint, load_view, view_path, yardstick_bins
 
 BEST_OF = (1, 5, 50)
 """For how many hypotheses the best is told, besides for all that were offered."""
@@ -71,11 +71,11 @@ class BinFigures:
 
 
 @dataclass(frozen=True, eq=False)
-class YardstickResult:
+class PoseBenchmarkResult:
     """What one estimator did on all bins."""
 
     estimator: str
-    bins: tuple[YardstickBin, ...]
+    bins: tuple[BenchmarkBin, ...]
     fingerprint: str
     """Of all views."""
     evaluations: dict[str, PoseEvaluation]
@@ -101,7 +101,7 @@ class BinScorer:
         self._model_of: Callable[[str], PoseModel] = model_of
         self._evaluator = PoseEvaluator(model_of)
 
-    def score(self, bin: YardstickBin) -> BinScore:
+    def score(self, bin: BenchmarkBin) -> BinScore:
         """Estimate and score one bin."""
         view = load_view(bin)
         known = self._onboarded()
@@ -134,7 +134,7 @@ class BinScorer:
         return dict(self._source.onboarding_s) if isinstance(self._source, EstimatorSource) else {}
 
 
-def make_views(bins: Sequence[YardstickBin], *, workers: int = 1, console: Console | None = None) -> int:
+def make_views(bins: Sequence[BenchmarkBin], *, workers: int = 1, console: Console | None = None) -> int:
     """Simulate and render the bins that are not in the cache yet, and return how many they were."""
     missing = [bin for bin in bins if not view_path(bin).exists()]
     with _mapped(_make_view, missing, workers) as made:
@@ -142,42 +142,42 @@ def make_views(bins: Sequence[YardstickBin], *, workers: int = 1, console: Conso
     return len(missing)
 
 
-def run_yardstick(
+def run_pose_benchmark(
     estimator: str,
     *,
     noises: Sequence[str] = ("perfect", "realistic"),
     bins: int | None = None,
     hypotheses: int | None = None,
-    effort: Effort | None = None,
+    budget: PoseBudget | None = None,
     workers: int = 1,
     console: Console | None = None,
-) -> YardstickResult:
+) -> PoseBenchmarkResult:
     """Measure an estimator, by name, on the first `bins` bins of the yardstick, or on all.
 
     Raises:
         UnknownNameError: no estimator or no preset of detections has this name.
         ConfigError: no preset is given, there are not so many bins, `workers` is not positive, or the estimator does
-            not take a number of hypotheses or an effort.
+            not take a number of hypotheses or an budget.
     """
-    chosen = yardstick_bins(bins)
+    chosen = benchmark_bins(bins)
     if not noises:
         raise ConfigError("detections must be of one preset or more, such as perfect and realistic, got none")
     if workers < 1:
         raise ConfigError(f"workers must be 1 or more, got {workers}")
-    source = make_source(estimator, get_part, hypotheses, effort)
+    source = make_source(estimator, get_part, hypotheses, budget)
     if workers == 1:
         with BinScorer(source, noises) as scorer:
             scores = _progress(map(scorer.score, chosen), estimator, len(chosen), console)
     else:
-        job = partial(_score, estimator, tuple(noises), hypotheses, effort)
+        job = partial(_score, estimator, tuple(noises), hypotheses, budget)
         with _mapped(job, chosen, workers) as results:
             scores = _progress(results, estimator, len(chosen), console)
     return summarize_scores(estimator, chosen, noises, scores)
 
 
 def summarize_scores(
-    estimator: str, bins: Sequence[YardstickBin], noises: Sequence[str], scores: Sequence[BinScore]
-) -> YardstickResult:
+    estimator: str, bins: Sequence[BenchmarkBin], noises: Sequence[str], scores: Sequence[BinScore]
+) -> PoseBenchmarkResult:
     """Return the result over all bins."""
     onboarding_s: dict[str, float] = {}
     for score in scores:
@@ -191,7 +191,7 @@ def summarize_scores(
         for noise in noises
         for shown, k in sorted(told.items())
     }
-    return YardstickResult(
+    return PoseBenchmarkResult(
         estimator,
         tuple(bins),
         hashlib.sha256(" ".join(score.fingerprint for score in scores).encode()).hexdigest()[:12],
@@ -203,25 +203,25 @@ def summarize_scores(
     )
 
 
-def _make_view(bin: YardstickBin) -> None:
+def _make_view(bin: BenchmarkBin) -> None:
     load_view(bin)
 
 
 def _score(
-    estimator: str, noises: tuple[str, ...], hypotheses: int | None, effort: Effort | None, bin: YardstickBin
+    estimator: str, noises: tuple[str, ...], hypotheses: int | None, budget: PoseBudget | None, bin: BenchmarkBin
 ) -> BinScore:
-    return _scorer(estimator, noises, hypotheses, effort).score(bin)
+    return _scorer(estimator, noises, hypotheses, budget).score(bin)
 
 
 @cache
-def _scorer(estimator: str, noises: tuple[str, ...], hypotheses: int | None, effort: Effort | None) -> BinScorer:
+def _scorer(estimator: str, noises: tuple[str, ...], hypotheses: int | None, budget: PoseBudget | None) -> BinScorer:
     """Return a worker's scorer, which lives as long as the worker and keeps what was onboarded."""
-    return BinScorer(make_source(estimator, get_part, hypotheses, effort), noises)
+    return BinScorer(make_source(estimator, get_part, hypotheses, budget), noises)
 
 
 @contextmanager
 def _mapped(
-    job: Callable[[YardstickBin], _Result], bins: Sequence[YardstickBin], workers: int
+    job: Callable[[BenchmarkBin], _Result], bins: Sequence[BenchmarkBin], workers: int
 ) -> Iterator[Iterable[_Result]]:
     """Yield the job's results in order, from this process or from a pool."""
     if workers == 1 or len(bins) < 2:

@@ -11,8 +11,8 @@ from simpick.assets.part import Part
 from simpick.bop import BopInstance, BopWriter
 from simpick.bop.targets import MIN_VISIBLE_FRACTION
 from simpick.estimators.segmentation_detector import SegmentationDetector
-from simpick.pose_eval.pose_images import PoseImage, PoseTruth
 from simpick.geometry import invert
+from simpick.pose_eval.pose_images import PoseImage, PoseTruth
 from simpick.records import CameraFrame
 from simpick.rendering import SceneRenderer, Visibility, measure_visibility
 from simpick.scene import SceneConfig, build_scene

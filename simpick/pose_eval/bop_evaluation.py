@@ -7,10 +7,10 @@ from collections.abc import Iterator, Sequence
 from simpick.bop import BopDataset, BopDetection, BopResult, BopScene, BopTarget
 from simpick.bop.targets import MIN_VISIBLE_FRACTION
 from simpick.errors import DatasetError
-from simpick.metrics.models import EvaluationModel
-from simpick.pose_eval.pose_images import PoseImage, PoseModel, PoseTruth
-from simpick.metrics.visible_surface import VSD_DELTA_M
 from simpick.geometry import invert
+from simpick.metrics.models import EvaluationModel
+from simpick.metrics.visible_surface import VSD_DELTA_M
+from simpick.pose_eval.pose_images import PoseImage, PoseModel, PoseTruth
 from simpick.records import CameraFrame, Detection, PoseEstimate
 
 ITODD_DELTA_M = 0.005

@@ -12,11 +12,11 @@ from jaxtyping import Float
 from simpick.errors import ConfigError
 from simpick.metrics.matching import greedy_matches, top_estimates, valid_truths
 from simpick.metrics.pose_errors import batch_pose_errors, mssd
-from simpick.pose_eval.pose_images import PoseImage, PoseModel, PoseTruth
-from simpick.pose_eval.posed_depth import PosedDepthRenderer
 from simpick.metrics.scores import DepthImages, PoseScores, TargetErrors, pose_scores, target_errors
 from simpick.metrics.summaries import VISIBILITY_BANDS, PoseSummary, summarize, summarize_by_visibility
 from simpick.metrics.visible_surface import VSD_DELTA_M
+from simpick.pose_eval.pose_images import PoseImage, PoseModel, PoseTruth
+from simpick.pose_eval.posed_depth import PosedDepthRenderer
 from simpick.records import PoseError, PoseEstimate
 
 

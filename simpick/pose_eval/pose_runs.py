@@ -10,10 +10,10 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from simpick.metrics.scores import AverageRecalls
 from simpick.pose_eval.pose_evaluation import PoseEvaluation, PoseEvaluator
 from simpick.pose_eval.pose_images import PoseImage
 from simpick.pose_eval.pose_sources import PoseSource
-from simpick.metrics.scores import AverageRecalls
 from simpick.records import PoseEstimate
 
 

@@ -11,7 +11,7 @@ from simpick.errors import ConfigError
 from simpick.estimators.base import PoseEstimator
 from simpick.estimators.oracle import OracleEstimator
 from simpick.experiments.modes import CLOSER, ORACLE, parse_mode
-from simpick.experiments.perceptions import Effort, make_estimator
+from simpick.experiments.perceptions import PoseBudget, make_estimator
 from simpick.pose_eval.pose_images import PoseImage
 from simpick.records import InstanceTruth, PoseEstimate
 
@@ -79,7 +79,7 @@ class FileSource:
 
 
 def make_source(
-    name: str, part_of: Callable[[str], Part], hypotheses: int | None = None, effort: Effort | None = None
+    name: str, part_of: Callable[[str], Part], hypotheses: int | None = None, budget: PoseBudget | None = None
 ) -> PoseSource:
     """Return the source behind an estimator's name, or ``NAME@K``; the oracle answers from the annotations.
 
@@ -87,7 +87,7 @@ def make_source(
 
     Raises:
         UnknownNameError: no estimator has this name.
-        ConfigError: it is neither NAME nor NAME@K, or a number of hypotheses or an effort that the estimator does not
+        ConfigError: it is neither NAME nor NAME@K, or a number of hypotheses or an budget that the estimator does not
             take; the oracle ignores both.
     """
     mode = parse_mode(name)
@@ -95,4 +95,4 @@ def make_source(
         raise ConfigError(f"a closer look needs an arm that picks; leave out {CLOSER} of {name!r}")
     if mode.name == ORACLE:
         return OracleSource()
-    return EstimatorSource(make_estimator(mode.name, mode.hypotheses or hypotheses, effort), part_of)
+    return EstimatorSource(make_estimator(mode.name, mode.hypotheses or hypotheses, budget), part_of)

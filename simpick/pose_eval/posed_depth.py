@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from simpick.assets.part import Part
-from simpick.pose_eval.pose_images import PoseModel
 from simpick.geometry import Pinhole
+from simpick.pose_eval.pose_images import PoseModel
 from simpick.rendering import PartRenderer
 
 _MAX_RENDERERS = 32

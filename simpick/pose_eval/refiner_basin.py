@@ -11,10 +11,10 @@ from jaxtyping import Float
 
 from simpick.assets.library import get_part
 from simpick.estimators.refiner import Refiner
-from simpick.pose_eval.bin_images import BinView
+from simpick.geometry import so3_exp
 from simpick.metrics.models import EvaluationModel
 from simpick.metrics.pose_errors import batch_pose_errors
-from simpick.geometry import so3_exp
+from simpick.pose_eval.bin_images import BinView
 from simpick.records import PoseHypothesis
 
 BANDS = ((0.1, 0.5), (0.5, 0.9), (0.9, 1.0))

@@ -15,9 +15,9 @@ from simpick.assets.library import get_part
 from simpick.caching import atomic_write_text
 from simpick.estimators.refiner.confidence import FEATURES, GOOD_DEG, GOOD_MM, Confidence, confidence_features
 from simpick.estimators.refiner.refined_estimator import RefinedEstimator, visible_px
-from simpick.pose_eval.bin_images import BinView, view_bin
 from simpick.metrics.models import EvaluationModel
 from simpick.metrics.pose_errors import batch_pose_errors
+from simpick.pose_eval.bin_images import BinView, view_bin
 from simpick.scene import SceneConfig
 
 NOISES = ("perfect", "realistic")

@@ -15,12 +15,12 @@ from typing import Any
 
 from simpick.caching import atomic_write_text
 from simpick.estimators.raypose.checkpoints import load_checkpoint
+from simpick.estimators.raypose.diffusion.schedule import SCHEDULES, make_schedule
 from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.network.model import RayPose
-from simpick.estimators.raypose.diffusion.schedule import SCHEDULES, make_schedule
-from simpick.training.resources import Machine
-from simpick.training.data.shard_stream import ShardStream
 from simpick.training.config import TrainConfig
+from simpick.training.data.shard_stream import ShardStream
+from simpick.training.resources import Resources
 from simpick.training.trainer import Budget, train
 from simpick.training.validation import Validation
 
@@ -83,7 +83,7 @@ class Ablation:
     """Of each."""
     folder: Path
     """Holds a folder for each variant, and the data, which is the same for all."""
-    machine: Machine = field(default_factory=Machine)
+    resources: Resources = field(default_factory=Resources)
 
     def network_of(self, variant: Variant) -> RayPoseConfig:
         """Return the network of a variant."""
@@ -96,13 +96,13 @@ class Ablation:
     @property
     def shards(self) -> Path:
         """Return the folder of the data."""
-        return self.machine.shards or self.folder / "shards"
+        return self.resources.shards or self.folder / "shards"
 
     def run(self, variant: Variant, on_row: Callable[[dict[str, Any], float], None] | None = None) -> Path:
         """Train a variant, or go on with it, and return its weights; nothing is done for one that is finished."""
-        machine = dataclasses.replace(self.machine, shards=self.shards)
+        resources = dataclasses.replace(self.resources, shards=self.shards)
         network, training = self.network_of(variant), self.training_of(variant)
-        return train(network, training, self.budget, self.folder / variant.name, machine=machine, on_row=on_row)
+        return train(network, training, self.budget, self.folder / variant.name, resources=resources, on_row=on_row)
 
 
 def measure(ablation: Ablation, variant: Variant) -> dict[str, Any]:
@@ -183,7 +183,7 @@ def write_results(folder: Path, name: str, results: Sequence[Mapping[str, Any]],
 def _validation(ablation: Ablation, network: RayPoseConfig, steps: int | None = None) -> Validation:
     config = ablation.training
     config = dataclasses.replace(config, validation_steps=steps or config.validation_steps)
-    with ShardStream(ablation.shards, config.data, split="validation", workers=0, ahead=0, keep=True) as stream:
+    with ShardStream(ablation.shards, config.data, split="validation", workers=0, prefetch=0, keep=True) as stream:
         shards = [stream.get(index) for index in range(config.validation_shards)]
     return Validation(shards, network, config)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from simpick.errors import ConfigError
-from simpick.estimators.raypose.network.losses import LossWeights
 from simpick.estimators.raypose.diffusion.schedule import SCHEDULES
+from simpick.estimators.raypose.network.losses import LossWeights
 from simpick.training.data.augmentation import AugmentationConfig
 from simpick.training.data.data_config import DataConfig
 
@@ -23,9 +23,9 @@ class TrainConfig:
     """Parts that they are of: queries of one part share nothing but their shard, which is read once."""
     templates: int = 4
     """Templates a query in training; the network may be given more at run time."""
-    uses: float = 3.0
+    repeats_per_query: float = 3.0
     """How often a query is seen on average, each time turned, framed and hidden differently, with other templates."""
-    first_shards: int = 8
+    min_ready_shards: int = 8
     """Training starts when so many shards are ready; the window grows from there."""
     window: int = 64
     """Shards that are drawn from at a time; also the most that are in memory."""
@@ -36,13 +36,13 @@ class TrainConfig:
     """Of AdamW, after the warm-up and before it falls."""
     warmup_steps: int = 200
     """Steps over which the learning rate rises from zero."""
-    cooldown_share: float = 0.35
+    decay_fraction: float = 0.35
     """Share of the run, at its end, over which the learning rate falls to a hundredth."""
     weight_decay: float = 0.01
     """Of AdamW."""
-    clip: float = 1.0
+    max_grad_norm: float = 1.0
     """Largest norm of the gradient."""
-    average_decay: float = 0.998
+    ema_decay: float = 0.998
     """Of the moving average of the weights, which is what is validated and kept."""
     schedule: str = "log_snr"
     """Noise schedule: log_snr, cosine or linear."""
@@ -64,7 +64,7 @@ class TrainConfig:
             "batch",
             "parts",
             "templates",
-            "first_shards",
+            "min_ready_shards",
             "window",
             "validation_shards",
             "validation_queries",
@@ -75,10 +75,10 @@ class TrainConfig:
             raise ConfigError(f"parts must divide batch, got parts={self.parts}, batch={self.batch}")
         if self.window < self.parts:
             raise ConfigError(f"window must hold as many shards as parts={self.parts}, got {self.window}")
-        for name in ("uses", "learning_rate", "clip"):
+        for name in ("repeats_per_query", "learning_rate", "max_grad_norm"):
             if not getattr(self, name) > 0:
                 raise ConfigError(f"{name} must be above 0, got {getattr(self, name)}")
-        for name in ("matching_share", "cooldown_share", "average_decay"):
+        for name in ("matching_share", "decay_fraction", "ema_decay"):
             if not 0 <= getattr(self, name) < 1:
                 raise ConfigError(f"{name} must be from 0 to below 1, got {getattr(self, name)}")
         if self.warmup_steps < 0 or self.weight_decay < 0:
@@ -91,6 +91,6 @@ class TrainConfig:
     def learning_rate_at(self, step: int, progress: float) -> float:
         """Return the learning rate of a step; `progress` is the share of the run that is done, in [0, 1]."""
         rate = self.learning_rate * min(1.0, (step + 1) / max(1, self.warmup_steps))
-        if self.cooldown_share and progress > 1 - self.cooldown_share:
-            rate *= 0.01 ** ((progress - 1 + self.cooldown_share) / self.cooldown_share)
+        if self.decay_fraction and progress > 1 - self.decay_fraction:
+            rate *= 0.01 ** ((progress - 1 + self.decay_fraction) / self.decay_fraction)
         return rate

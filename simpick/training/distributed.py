@@ -1,4 +1,4 @@
-"""`Processes`: one process, or several under torchrun, each with a device and gradients averaged over all."""
+"""`Distributed`: one process, or several under torchrun, each with a device and gradients averaged over all."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from simpick.errors import ConfigError
 
 
 @dataclass(frozen=True)
-class Processes:
+class Distributed:
     """One process among those that train together. A context manager."""
 
     rank: int
@@ -20,7 +20,7 @@ class Processes:
     device: torch.device
 
     @staticmethod
-    def from_environment(device: str) -> Processes:
+    def from_environment(device: str) -> Distributed:
         """Return what torchrun's variables say, or one process alone; `device` is cuda, cpu or auto.
 
         Raises:
@@ -33,8 +33,8 @@ class Processes:
             raise ConfigError("device cuda was asked for, but torch finds none here; use --device cpu")
         rank, count = int(os.environ.get("RANK", 0)), int(os.environ.get("WORLD_SIZE", 1))
         if device == "cpu" or not has_cuda:
-            return Processes(rank, count, torch.device("cpu"))
-        return Processes(rank, count, torch.device("cuda", int(os.environ.get("LOCAL_RANK", 0))))
+            return Distributed(rank, count, torch.device("cpu"))
+        return Distributed(rank, count, torch.device("cuda", int(os.environ.get("LOCAL_RANK", 0))))
 
     @property
     def is_first(self) -> bool:
@@ -63,7 +63,7 @@ class Processes:
         """Return when all processes have come here."""
         self.agree(0.0)
 
-    def __enter__(self) -> Processes:
+    def __enter__(self) -> Distributed:
         if self.count > 1:
             distributed.init_process_group("nccl" if self.device.type == "cuda" else "gloo")
         return self

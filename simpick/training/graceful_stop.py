@@ -1,4 +1,4 @@
-"""`Interruption`: Ctrl-C and SIGTERM as a wish that a loop grants between two steps, never in the middle of one."""
+"""`GracefulStop`: Ctrl-C and SIGTERM as a wish that a loop grants between two steps, never in the middle of one."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from types import FrameType
 from typing import Any
 
 
-class Interruption:
+class GracefulStop:
     """A context manager. A second Ctrl-C raises KeyboardInterrupt at once.
 
     SIGTERM is what torchrun sends its processes right after the Ctrl-C that they have seen themselves, so it never
@@ -20,7 +20,7 @@ class Interruption:
         """Whether the loop shall end."""
         self._before: dict[int, Any] = {}
 
-    def __enter__(self) -> Interruption:
+    def __enter__(self) -> GracefulStop:
         if threading.current_thread() is threading.main_thread():
             self._before = {number: signal.signal(number, self._note) for number in (signal.SIGINT, signal.SIGTERM)}
         return self

@@ -17,8 +17,8 @@ import tyro
 from jaxtyping import Float
 
 from simpick.errors import OutputError
-from simpick.estimators.raypose.network.pose_maps import CHANNELS, ViewPoses, decode_pose_maps, encode_pose_maps
 from simpick.estimators.raypose.diffusion.schedule import SCHEDULES, make_schedule
+from simpick.estimators.raypose.network.pose_maps import CHANNELS, ViewPoses, decode_pose_maps, encode_pose_maps
 from simpick.geometry.torch_rotations import random_rotations, rotation_angle
 
 CELLS = (3, 6, 8, 16)
@@ -63,7 +63,7 @@ def measure(
         turned = torch.rad2deg(rotation_angle(decoded.R @ query.R.mT))
         moved = torch.linalg.vector_norm(decoded.centre - query.centre, dim=-1) * (_PADDING / 2)
         # As much too far as too near counts the same.
-        depth = 100 * ((decoded.reach_m / query.reach_m).log().abs().exp() - 1)
+        depth = 100 * ((decoded.half_extent_at_depth_m / query.half_extent_at_depth_m).log().abs().exp() - 1)
         medians.append([float(x.median()) for x in (turned, moved, depth)])
     return MapNoise(deviations, *np.array(medians).T)
 

@@ -1,4 +1,4 @@
-"""`Machine`: what a training run uses of the machine that it runs on."""
+"""`Resources`: what a training run uses of the machine that it runs on."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from simpick.errors import ConfigError
 
 
 @dataclass(frozen=True)
-class Machine:
+class Resources:
     """What a run uses of its machine; changes nothing of the result but rounding."""
 
     device: str = "auto"
     """Where the network runs: cuda, cpu, or auto for the first that is there."""
     renderers: int = 1
-    """Processes that make data; 0 makes it in between, in this process."""
+    """Distributed that make data; 0 makes it in between, in this process."""
     loaders: int = 1
     """Threads that put batches together."""
     threads: int = 0

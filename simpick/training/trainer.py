@@ -17,19 +17,19 @@ from torch import nn
 
 from simpick.errors import ConfigError, SimpickError
 from simpick.estimators.raypose.checkpoints import load_checkpoint, save_checkpoint
+from simpick.estimators.raypose.diffusion.schedule import make_schedule
 from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.network.dino_encoder import load_dino_weights
 from simpick.estimators.raypose.network.losses import weighted_sum
 from simpick.estimators.raypose.network.model import RayPose
-from simpick.estimators.raypose.diffusion.schedule import make_schedule
+from simpick.training.config import TrainConfig
 from simpick.training.data.batch_source import BatchSource
 from simpick.training.data.batches import TrainingBatch
-from simpick.training.graceful_stop import Interruption
-from simpick.training.resources import Machine
-from simpick.training.distributed import Processes
-from simpick.training.run_folder import RunFolder
 from simpick.training.data.shard_stream import ShardStream
-from simpick.training.config import TrainConfig
+from simpick.training.distributed import Distributed
+from simpick.training.graceful_stop import GracefulStop
+from simpick.training.resources import Resources
+from simpick.training.run_folder import RunFolder
 from simpick.training.training_step import loss_terms, matching_terms
 from simpick.training.validation import Validation
 
@@ -67,7 +67,7 @@ def train(
     budget: Budget,
     folder: Path,
     *,
-    machine: Machine | None = None,
+    resources: Resources | None = None,
     start_from: Path | None = None,
     dino_weights: Path | None = None,
     on_row: Callable[[dict[str, Any], float], None] | None = None,
@@ -87,15 +87,15 @@ def train(
     """
     if config.templates > network.templates:
         raise ConfigError(f"templates must be at most the network's {network.templates}, got {config.templates}")
-    machine = machine or Machine()
-    processes = Processes.from_environment(machine.device)
-    if machine.threads:
-        torch.set_num_threads(machine.threads)
+    resources = resources or Resources()
+    processes = Distributed.from_environment(resources.device)
+    if resources.threads:
+        torch.set_num_threads(resources.threads)
     run = RunFolder(folder, {"network": network.to_json(), "training": asdict(config)}, processes.rank)
     state = _start(network, config, processes.device, start_from, dino_weights)
     if saved := run.load_state():
         state.load(saved)
-    trainer = _Trainer(config, budget, machine, processes, run, state, on_row or (lambda row, progress: None))
+    trainer = _Trainer(config, budget, resources, processes, run, state, on_row or (lambda row, progress: None))
     with processes:
         trainer.run()
     return run.weights
@@ -170,13 +170,13 @@ class _Trainer:
         self,
         config: TrainConfig,
         budget: Budget,
-        machine: Machine,
-        processes: Processes,
+        resources: Resources,
+        processes: Distributed,
         run: RunFolder,
         state: _State,
         on_row: Callable[[dict[str, Any], float], None],
     ) -> None:
-        self.config, self.budget, self.machine, self.processes = config, budget, machine, processes
+        self.config, self.budget, self.resources, self.processes = config, budget, resources, processes
         self.run_folder, self.state, self.on_row = run, state, on_row
         self.schedule = make_schedule(config.schedule)
         self.sums: dict[str, float] = {}
@@ -190,26 +190,26 @@ class _Trainer:
                 self._validate(self._validation())
             return
         with BatchSource(
-            self.config, self.state.model.config, self._shards(), self.machine, self.processes, self.state.step
+            self.config, self.state.model.config, self._shards(), self.resources, self.processes, self.state.step
         ) as source:
             validation = self._validation() if self.processes.is_first else None
             self.processes.wait()
-            with Interruption() as interruption:
-                self._loop(source, validation, interruption)
+            with GracefulStop() as graceful_stop:
+                self._loop(source, validation, graceful_stop)
 
-    def _loop(self, source: BatchSource, validation: Validation | None, interruption: Interruption) -> None:
+    def _loop(self, source: BatchSource, validation: Validation | None, graceful_stop: GracefulStop) -> None:
         last = time.perf_counter()
         validated_s = self.state.seconds
         while True:
             self._step(source.get(self.state.step))
             now = time.perf_counter()
-            taken_s, stop = self.processes.agree(now - last, float(interruption.requested))
+            taken_s, stop = self.processes.agree(now - last, float(graceful_stop.requested))
             self.state.seconds += taken_s
             last = now
             ended = self._progress() >= 1
             if self.state.step % LOG_STEPS == 0 or ended:
                 self._log(source)
-            if ended or self.state.seconds - validated_s >= self.machine.validate_every_s:
+            if ended or self.state.seconds - validated_s >= self.resources.validate_every_s:
                 validated_s = self.state.seconds
                 if validation is not None:
                     self._validate(validation)
@@ -239,7 +239,7 @@ class _Trainer:
         state.optimizer.zero_grad(set_to_none=True)
         loss.backward()
         self.processes.average_gradients(state.model)
-        norm = float(nn.utils.clip_grad_norm_(state.model.parameters(), config.clip))
+        norm = float(nn.utils.clip_grad_norm_(state.model.parameters(), config.max_grad_norm))
         if not math.isfinite(norm):
             raise SimpickError(
                 f"the loss is not a number any more at step {state.step}; what was saved last is kept. "
@@ -247,7 +247,7 @@ class _Trainer:
             )
         state.optimizer.step()
         state.step += 1
-        state.average_in(config.average_decay)
+        state.average_in(config.ema_decay)
         for name, value in {**terms, "loss": loss}.items():
             self.sums[name] = self.sums.get(name, 0.0) + float(value.detach())
         self.counted += 1
@@ -264,12 +264,12 @@ class _Trainer:
 
     def _validation(self) -> Validation:
         data = self.config.data
-        with ShardStream(self._shards(), data, split="validation", workers=0, ahead=0, keep=True) as stream:
+        with ShardStream(self._shards(), data, split="validation", workers=0, prefetch=0, keep=True) as stream:
             shards = [stream.get(index) for index in range(self.config.validation_shards)]
         return Validation(shards, self.state.model.config, self.config)
 
     def _shards(self) -> Path:
-        return self.machine.shards or self.run_folder.shards
+        return self.resources.shards or self.run_folder.shards
 
     def _validate(self, validation: Validation) -> None:
         figures = validation.measure(self.state.average, self.schedule)

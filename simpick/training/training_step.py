@@ -6,13 +6,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from simpick.estimators.raypose.diffusion.schedule import Schedule
+from simpick.estimators.raypose.diffusion.x0_parameterization import add_noise
 from simpick.estimators.raypose.network import losses
 from simpick.estimators.raypose.network.matching import MIN_COVERAGE
 from simpick.estimators.raypose.network.model import RayPose, halved_geometry
-from simpick.estimators.raypose.diffusion.x0_parameterization import add_noise
 from simpick.estimators.raypose.network.pose_maps import encode_pose_maps
-from simpick.estimators.raypose.diffusion.schedule import Schedule
-from simpick.estimators.raypose.network.tokens import FirstPoses, TemplateTokens
+from simpick.estimators.raypose.network.tokens import InitialPoses, TemplateTokens
 from simpick.training.data.batches import TrainingBatch
 from simpick.training.data.flow_targets import flow_terms
 
@@ -40,11 +40,11 @@ def matching_terms(model: RayPose, batch: TrainingBatch) -> dict[str, Float[Tens
     """Return only the terms of matching and flow and of the poses solved from them, without fuser and decoder."""
     query = model.encode_query(batch.query)
     templates = model.encode_templates(batch.templates).for_queries(batch.sets)
-    return _matching(model, batch, templates, model.first_poses(query, templates))
+    return _matching(model, batch, templates, model.initial_poses(query, templates))
 
 
 def _matching(
-    model: RayPose, batch: TrainingBatch, templates: TemplateTokens, first: FirstPoses
+    model: RayPose, batch: TrainingBatch, templates: TemplateTokens, first: InitialPoses
 ) -> dict[str, Float[Tensor, ""]]:
     config, reference, matches = model.config, model.reference(templates), first.matches
     points, covered = templates.points, templates.coverage >= MIN_COVERAGE

@@ -8,15 +8,15 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from simpick.estimators.raypose.network.consensus import combine_views
-from simpick.estimators.raypose.network.config import RayPoseConfig
-from simpick.estimators.raypose.sample_views import sample_views
-from simpick.estimators.raypose.network.model import RayPose
 from simpick.estimators.raypose.diffusion.schedule import Schedule
+from simpick.estimators.raypose.network.config import RayPoseConfig
+from simpick.estimators.raypose.network.consensus import combine_views
+from simpick.estimators.raypose.network.model import RayPose
+from simpick.estimators.raypose.sample_views import sample_views
+from simpick.training.config import TrainConfig
 from simpick.training.data.augmentation import AugmentationConfig
 from simpick.training.data.batches import TrainingBatch, make_batch
 from simpick.training.data.shard import Shard
-from simpick.training.config import TrainConfig
 
 _PLAIN = AugmentationConfig(box_jitter=0.0, ragged_share=0.0, hidden_share=0.0, brightness=0.0)
 
@@ -69,5 +69,5 @@ class Validation:
         generator = torch.Generator().manual_seed(self._config.seed)
         views = sample_views(model, conditioning, schedule, self._config.validation_steps, generator)
         pose = combine_views(views)
-        ratio = pose.reach_m / batch.truth.reach_m[:, 0]
+        ratio = pose.half_extent_at_depth_m / batch.truth.half_extent_at_depth_m[:, 0]
         return pose.R.double().cpu().numpy(), pose.centre.cpu().numpy(), ratio.cpu().numpy()

@@ -10,6 +10,7 @@ from simpick.bop import BopDataset, BopDetection, BopResult, read_detections, re
 from simpick.bop.rle import encode_rle
 from simpick.cli.evaluate import Evaluate
 from simpick.errors import ConfigError, DatasetError, OutputError
+from simpick.geometry import invert, transform, transform_points
 from simpick.pose_eval.bop_evaluation import (
     bop_images,
     bop_pose_model,
@@ -20,7 +21,6 @@ from simpick.pose_eval.bop_evaluation import (
 from simpick.pose_eval.pose_evaluation import PoseEvaluator
 from simpick.pose_eval.pose_runs import score_images
 from simpick.pose_eval.pose_sources import FileSource, OracleSource
-from simpick.geometry import invert, transform, transform_points
 from simpick.records import PoseEstimate
 
 

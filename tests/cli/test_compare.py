@@ -15,9 +15,7 @@ import pytest
 
 from simpick.cli.main import main
 from simpick.errors import OutputError, SimpickError
-from simpick.experiments import comparison
-from simpick.experiments import perceptions
-from simpick.experiments import result_store
+from simpick.experiments import comparison, perceptions, result_store
 from simpick.experiments.result_store import read_results
 
 pytestmark = pytest.mark.render

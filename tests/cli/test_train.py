@@ -18,8 +18,8 @@ def options(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     folder = tmp_path_factory.mktemp("options")
     file = folder / "tiny.json"
     file.write_text(json.dumps(asdict(TINY_TRAINING)))
-    machine = ["--device", "cpu", "--renderers", "0", "--shards", str(folder / "shards")]
-    return ["--config", str(file), "--size", "tiny", "--steps", "2", *machine]
+    resources = ["--device", "cpu", "--renderers", "0", "--shards", str(folder / "shards")]
+    return ["--config", str(file), "--size", "tiny", "--steps", "2", *resources]
 
 
 def test_training_leaves_weights_and_curves_and_goes_on(options: list[str], tmp_path: Path, capsys) -> None:

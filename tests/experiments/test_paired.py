@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from simpick.experiments.analysis.grasp_scores import score_grasps
+from simpick.experiments.analysis.paired import MEASURES, PairedStatistics, best_mode, compare_modes, paired_bins
+from simpick.experiments.result_store import EpisodeResult
 from simpick.metrics.intervals import (
     Interval,
     percentile_interval,
@@ -14,8 +16,6 @@ from simpick.metrics.intervals import (
     resampled_ratio,
     wilson_interval,
 )
-from simpick.experiments.analysis.paired import MEASURES, PairedStatistics, best_mode, compare_modes, paired_bins
-from simpick.experiments.result_store import EpisodeResult
 from simpick.records import PickOutcome, PoseError
 from tests.experiments.test_result_store import make_pick, make_result
 

@@ -8,11 +8,11 @@ import pytest
 from simpick.errors import OutputError
 from simpick.experiments import mode_files
 from simpick.experiments.compare_config import CompareConfig
-from simpick.experiments.provenance_changes import changes
 from simpick.experiments.perceptions import SHIPPED
+from simpick.experiments.provenance import run_identity
+from simpick.experiments.provenance_changes import changes
 from simpick.experiments.result_store import EpisodeResult, ResultStore
 from simpick.experiments.run_config import RunConfig
-from simpick.experiments.provenance import run_identity
 from simpick.grasping.store import shipped_path
 
 

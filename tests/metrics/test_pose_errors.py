@@ -5,9 +5,9 @@ import pytest
 import trimesh
 
 from simpick.errors import MeshError
+from simpick.geometry import ContinuousSymmetry, Pinhole, SymmetryGroup, random_rotation, so3_exp, transform
 from simpick.metrics import EvaluationModel, add, add_s, batch_pose_errors, mspd, mssd, pose_error
 from simpick.metrics.pose_errors import bounding_spheres_overlap, sphere_projections_overlap
-from simpick.geometry import ContinuousSymmetry, Pinhole, SymmetryGroup, random_rotation, so3_exp, transform
 
 CAMERA = Pinhole(640, 480, 600.0, 600.0, 320.0, 240.0)
 # A square plate, 40 x 40 mm: corners 20 sqrt(2) mm from its centre.

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from simpick.errors import ConfigError
-from simpick.metrics import DepthImages, EvaluationModel, TargetErrors, average_recalls, pose_scores, target_errors
 from simpick.geometry import Pinhole, SymmetryGroup, transform
+from simpick.metrics import DepthImages, EvaluationModel, TargetErrors, average_recalls, pose_scores, target_errors
 
 CAMERA = Pinhole(640, 480, 500.0, 500.0, 320.0, 240.0)
 CORNERS = np.array([[x, y, z] for x in (-0.03, 0.03) for y in (-0.04, 0.04) for z in (0.0, 0.0)])

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from simpick.errors import ConfigError
+from simpick.geometry import Pinhole
 from simpick.metrics import distance_from_depth, visible_mask, vsd
 from simpick.metrics.visible_surface import VSD_TAUS
-from simpick.geometry import Pinhole
 
 # So long a lens that distance and depth are the same number.
 STRIP = Pinhole(8, 1, 1e9, 1e9, 4.0, 0.5)

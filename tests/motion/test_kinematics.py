@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from simpick.assets.robots.registry import get_robot
-from simpick.geometry.transforms import rotation_angle, so3_exp, transform
 from simpick.assets.robots.ur5e_inverse import forward, inverse
+from simpick.geometry.transforms import rotation_angle, so3_exp, transform
 from simpick.motion.kinematics import Kinematics, line
 
 HOME = get_robot("ur5e").home_qpos

@@ -11,25 +11,31 @@ import pytest
 from simpick.assets import get_part
 from simpick.cli.main import main
 from simpick.errors import ConfigError
+from simpick.geometry import so3_exp, transform
+from simpick.pose_eval.benchmark_bins import benchmark_bins, fingerprint, load_view, view_path
+from simpick.pose_eval.benchmark_gains import gains
+from simpick.pose_eval.benchmark_report import best_of_table, title, to_json
+from simpick.pose_eval.benchmark_runs import (
+    BinFigures,
+    BinScorer,
+    PoseBenchmarkResult,
+    run_pose_benchmark,
+    summarize_scores,
+)
 from simpick.pose_eval.bin_images import view_bin
 from simpick.pose_eval.pose_images import PoseImage
 from simpick.pose_eval.pose_sources import OracleSource
-from simpick.pose_eval.benchmark_bins import fingerprint, load_view, view_path, yardstick_bins
-from simpick.pose_eval.benchmark_gains import gains
-from simpick.pose_eval.benchmark_report import best_of_table, title, to_json
-from simpick.pose_eval.benchmark_runs import BinFigures, BinScorer, YardstickResult, run_yardstick, summarize_scores
-from simpick.geometry import so3_exp, transform
 from simpick.records import PoseEstimate, PoseHypothesis
 
 
 def test_there_are_fifty_bins_and_every_five_are_like_the_whole() -> None:
-    bins = yardstick_bins()
+    bins = benchmark_bins()
     assert Counter(bin.kind for bin in bins) == {"mixed": 30, "homogeneous": 20}
     assert len({bin.seed for bin in bins}) == 50
     assert len({bin.config.parts for bin in bins if bin.kind == "homogeneous"}) == 20
     for k in range(0, 50, 5):
         assert sorted(bin.config.count for bin in bins[k : k + 5]) == [12, 12, 30, 40, 50]
-    assert yardstick_bins(7) == bins[:7]
+    assert benchmark_bins(7) == bins[:7]
     for name in {name for bin in bins for name in bin.config.parts}:
         assert get_part(name).name == name
 
@@ -37,13 +43,13 @@ def test_there_are_fifty_bins_and_every_five_are_like_the_whole() -> None:
 @pytest.mark.parametrize("count", [0, 51])
 def test_a_number_of_bins_that_do_not_exist_is_refused(count: int) -> None:
     with pytest.raises(ConfigError, match=f"bins of the yardstick must be between 1 and 50, got {count}"):
-        yardstick_bins(count)
+        benchmark_bins(count)
 
 
 @pytest.mark.render
 def test_the_kept_view_is_the_fresh_one_to_the_last_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SIMPICK_CACHE", str(tmp_path))
-    bin = yardstick_bins(1)[0]
+    bin = benchmark_bins(1)[0]
     fresh, _ = view_bin(bin.config, bin.seed)
     made, kept = load_view(bin), load_view(bin)
     assert fingerprint(fresh) == fingerprint(made) == fingerprint(kept)
@@ -62,7 +68,7 @@ def test_the_kept_view_is_the_fresh_one_to_the_last_bit(tmp_path: Path, monkeypa
 
 @pytest.mark.render
 def test_true_poses_have_no_error_and_misses_count() -> None:
-    result = run_yardstick("oracle", bins=2)
+    result = run_pose_benchmark("oracle", bins=2)
     perfect, realistic = result.evaluations["perfect"], result.evaluations["realistic"]
     assert perfect.summary.count == perfect.summary.answered == realistic.summary.count
     assert perfect.scores.overall.ar == 1 and perfect.summary.recall_5_deg == 1
@@ -101,7 +107,7 @@ class SecondGuess(OracleSource):
 @pytest.mark.render
 @pytest.mark.parametrize(("offered", "told"), [(2, [1, 2]), (5, [1, 5]), (7, [1, 5, 7])])
 def test_the_best_of_the_hypotheses_is_told_up_to_the_number_that_was_offered(offered: int, told: list[int]) -> None:
-    (bin,) = yardstick_bins(1)
+    (bin,) = benchmark_bins(1)
     with BinScorer(SecondGuess(offered), ["perfect"]) as scorer:
         result = summarize_scores("second", [bin], ["perfect"], [scorer.score(bin)])
     assert list(result.best_of) == [("perfect", k) for k in told]
@@ -114,10 +120,10 @@ def test_the_best_of_the_hypotheses_is_told_up_to_the_number_that_was_offered(of
         assert result.best_of["perfect", k].median_translation_mm < 1e-3
 
 
-def result_of(estimator: str, *bins: tuple[int, float]) -> YardstickResult:
+def result_of(estimator: str, *bins: tuple[int, float]) -> PoseBenchmarkResult:
     """Return a result of these bins' targets and AR."""
     figures = tuple(BinFigures(targets, ar, 0.5 * ar) for targets, ar in bins)
-    return YardstickResult(estimator, (), "", {}, {"perfect": figures}, {}, 0, {})
+    return PoseBenchmarkResult(estimator, (), "", {}, {"perfect": figures}, {}, 0, {})
 
 
 def test_a_gain_is_the_difference_of_the_whole_and_its_interval_is_over_bins() -> None:
@@ -135,7 +141,7 @@ def test_a_gain_is_the_difference_of_the_whole_and_its_interval_is_over_bins() -
 
 @pytest.mark.render
 def test_bins_weighted_by_targets_make_the_whole() -> None:
-    result = run_yardstick("oracle", noises=["realistic"], bins=2)
+    result = run_pose_benchmark("oracle", noises=["realistic"], bins=2)
     targets = np.array([figures.targets for figures in result.by_bin["realistic"]])
     ar = np.array([figures.ar for figures in result.by_bin["realistic"]])
     below = np.array([figures.below_5_deg for figures in result.by_bin["realistic"]])
@@ -150,7 +156,7 @@ def test_the_command_writes_the_figures_that_several_processes_find_too(tmp_path
     out = tmp_path / "out"
     assert main(["yardstick", "oracle", "--bins", "2", "--workers", "2", "--out", str(out)]) == 0
     (written,) = json.loads((out / "yardstick.json").read_text())["results"]
-    here = json.loads(json.dumps(to_json(run_yardstick("oracle", bins=2)), allow_nan=True).replace("NaN", "null"))
+    here = json.loads(json.dumps(to_json(run_pose_benchmark("oracle", bins=2)), allow_nan=True).replace("NaN", "null"))
     for figures in (written, here):
         for preset in figures["detections"].values():
             preset.pop("ms_per_detection")

@@ -3,9 +3,9 @@
 import numpy as np
 
 from simpick.assets import get_part
+from simpick.geometry import Pinhole, so3_exp, transform
 from simpick.pose_eval.best_of import best_of
 from simpick.pose_eval.pose_images import PoseImage, PoseModel, PoseTruth
-from simpick.geometry import Pinhole, so3_exp, transform
 from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
 
 FRAME = CameraFrame(np.zeros((8, 8, 3), np.uint8), Pinhole(8, 8, 8.0, 8.0, 4.0, 4.0), np.eye(4))

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from simpick.assets import get_part
+from simpick.geometry import Pinhole, random_rotation, transform
 from simpick.pose_eval.pose_images import PoseModel
 from simpick.pose_eval.posed_depth import PosedDepthRenderer
-from simpick.geometry import Pinhole, random_rotation, transform
 from simpick.rendering import render_part_views
 
 pytestmark = pytest.mark.render

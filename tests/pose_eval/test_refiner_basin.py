@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simpick.pose_eval.refiner_basin import BasinPoint, perturbed, plot_basin
 from simpick.geometry import rotation_angle, transform
+from simpick.pose_eval.refiner_basin import BasinPoint, perturbed, plot_basin
 
 
 def test_starts_are_off_by_the_angle_asked_for_and_by_no_more_depth():

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import torch
 
-from simpick.training.distributed import Processes
+from simpick.training.distributed import Distributed
 
-with Processes.from_environment("cpu") as processes:
+with Distributed.from_environment("cpu") as processes:
     model = torch.nn.Linear(3, 2)
     model(torch.full((1, 3), float(processes.rank + 1))).sum().backward()
     assert model.weight.grad is not None

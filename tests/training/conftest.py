@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from simpick.rendering import TemplateConfig
+from simpick.training.config import TrainConfig
 from simpick.training.data.data_config import DataConfig
 from simpick.training.data.shard import Shard
 from simpick.training.data.shard_factory import make_shard
-from simpick.training.config import TrainConfig
 
 TINY = DataConfig(
     queries=6,
@@ -28,7 +28,7 @@ TINY_TRAINING = TrainConfig(
     batch=4,
     parts=2,
     templates=3,
-    uses=1000.0,
+    repeats_per_query=1000.0,
     window=2,
     warmup_steps=2,
     data=TINY,

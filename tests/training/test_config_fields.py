@@ -9,20 +9,20 @@ import pytest
 
 import simpick
 import simpick.estimators
-from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.estimator import RayPoseEstimatorConfig
+from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.network.losses import LossWeights
 from simpick.estimators.refiner.config import AlignmentLevel, RefinerConfig
+from simpick.training.config import TrainConfig
 from simpick.training.data.augmentation import AugmentationConfig
 from simpick.training.data.data_config import DataConfig
-from simpick.training.resources import Machine
-from simpick.training.config import TrainConfig
+from simpick.training.resources import Resources
 
 CONFIGS = (
     AlignmentLevel,
     AugmentationConfig,
     DataConfig,
-    Machine,
+    Resources,
     RayPoseConfig,
     RayPoseEstimatorConfig,
     RefinerConfig,

@@ -14,8 +14,8 @@ from simpick.estimators.raypose.checkpoints import load_checkpoint
 from simpick.estimators.raypose.network.config import preset
 from simpick.estimators.raypose.network.losses import LossWeights
 from simpick.training import trainer
-from simpick.training.resources import Machine
 from simpick.training.config import TrainConfig
+from simpick.training.resources import Resources
 from simpick.training.trainer import Budget, train
 from tests.training.conftest import TINY, TINY_TRAINING
 
@@ -26,15 +26,15 @@ STEPS = 6
 
 
 @pytest.fixture
-def machine(tiny_shards: Path) -> Machine:
-    return Machine(device="cpu", renderers=0, shards=tiny_shards)
+def resources(tiny_shards: Path) -> Resources:
+    return Resources(device="cpu", renderers=0, shards=tiny_shards)
 
 
 @pytest.fixture(scope="module")
 def straight(tiny_shards: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run without interruption."""
+    """A run without graceful_stop."""
     folder = tmp_path_factory.mktemp("straight")
-    train(NETWORK, TINY_TRAINING, Budget(steps=STEPS), folder, machine=Machine("cpu", 0, shards=tiny_shards))
+    train(NETWORK, TINY_TRAINING, Budget(steps=STEPS), folder, resources=Resources("cpu", 0, shards=tiny_shards))
     return folder
 
 
@@ -42,18 +42,18 @@ def saved(folder: Path) -> dict:
     return torch.load(folder / "state.pt", weights_only=True)
 
 
-def test_a_run_that_was_interrupted_goes_on_bit_by_bit(straight: Path, machine: Machine, tmp_path: Path) -> None:
+def test_a_run_that_was_interrupted_goes_on_bit_by_bit(straight: Path, resources: Resources, tmp_path: Path) -> None:
     def interrupt(row: dict, progress: float) -> None:
         if row["step"] == 2:
             os.kill(os.getpid(), signal.SIGINT)
 
     before = signal.getsignal(signal.SIGINT)
-    often = replace(machine, validate_every_s=0.0)
+    often = replace(resources, validate_every_s=0.0)
     with pytest.raises(KeyboardInterrupt):
-        train(NETWORK, TINY_TRAINING, Budget(steps=STEPS), tmp_path, machine=often, on_row=interrupt)
+        train(NETWORK, TINY_TRAINING, Budget(steps=STEPS), tmp_path, resources=often, on_row=interrupt)
     assert signal.getsignal(signal.SIGINT) is before
     assert saved(tmp_path)["step"] == 3, "the step at hand is finished first"
-    train(NETWORK, TINY_TRAINING, Budget(steps=STEPS), tmp_path, machine=machine)
+    train(NETWORK, TINY_TRAINING, Budget(steps=STEPS), tmp_path, resources=resources)
     ours, theirs = saved(tmp_path), saved(straight)
     assert ours["step"] == theirs["step"] == STEPS
     for kind in ("model", "average"):
@@ -64,8 +64,10 @@ def test_a_run_that_was_interrupted_goes_on_bit_by_bit(straight: Path, machine: 
     assert ours["seconds"] > 0
 
 
-def test_training_moves_the_weights_and_their_average_follows(straight: Path, machine: Machine, tmp_path: Path) -> None:
-    train(NETWORK, TINY_TRAINING, Budget(steps=1), tmp_path, machine=machine)
+def test_training_moves_the_weights_and_their_average_follows(
+    straight: Path, resources: Resources, tmp_path: Path
+) -> None:
+    train(NETWORK, TINY_TRAINING, Budget(steps=1), tmp_path, resources=resources)
     one, six = saved(tmp_path), saved(straight)
     moved = [name for name in six["model"] if not torch.equal(one["model"][name], six["model"][name])]
     assert len(moved) > 0.9 * len(six["model"])
@@ -96,65 +98,67 @@ def test_the_weights_come_with_their_card(straight: Path) -> None:
         assert torch.equal(tensor, average[name].half().float()), name
 
 
-def test_a_finished_run_does_nothing_more(straight: Path, machine: Machine) -> None:
+def test_a_finished_run_does_nothing_more(straight: Path, resources: Resources) -> None:
     before = (straight / "log.jsonl").read_text()
-    assert train(NETWORK, TINY_TRAINING, Budget(steps=STEPS), straight, machine=machine).exists()
+    assert train(NETWORK, TINY_TRAINING, Budget(steps=STEPS), straight, resources=resources).exists()
     assert (straight / "log.jsonl").read_text() == before
 
 
-def test_a_run_begins_with_given_weights(straight: Path, machine: Machine, tmp_path: Path) -> None:
+def test_a_run_begins_with_given_weights(straight: Path, resources: Resources, tmp_path: Path) -> None:
     slow = replace(TINY_TRAINING, learning_rate=1e-12)
-    train(NETWORK, slow, Budget(steps=1), tmp_path, machine=machine, start_from=straight / "weights.safetensors")
+    train(NETWORK, slow, Budget(steps=1), tmp_path, resources=resources, start_from=straight / "weights.safetensors")
     for name, tensor in saved(straight)["average"].items():
         assert torch.allclose(saved(tmp_path)["model"][name], tensor.half().float(), atol=1e-6), name
 
 
-def test_weights_of_another_size_are_refused(straight: Path, machine: Machine, tmp_path: Path) -> None:
+def test_weights_of_another_size_are_refused(straight: Path, resources: Resources, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"must hold weights of this network's size"):
         train(
             replace(NETWORK, width=64),
             TINY_TRAINING,
             Budget(steps=1),
             tmp_path,
-            machine=machine,
+            resources=resources,
             start_from=straight / "weights.safetensors",
         )
 
 
-def test_a_folder_of_another_run_is_refused_with_what_differs(straight: Path, machine: Machine) -> None:
+def test_a_folder_of_another_run_is_refused_with_what_differs(straight: Path, resources: Resources) -> None:
     other = replace(TINY_TRAINING, learning_rate=5e-4, data=replace(TINY, tilt_deg=10.0))
     with pytest.raises(
         ConfigError,
         match=r"holds a run with another network\.spread_deg, training\.data\.tilt_deg, training\.learning_rate; "
         r"choose another folder with --out",
     ):
-        train(replace(NETWORK, spread_deg=15.0), other, Budget(steps=STEPS), straight, machine=machine)
+        train(replace(NETWORK, spread_deg=15.0), other, Budget(steps=STEPS), straight, resources=resources)
 
 
-def test_a_damaged_state_is_said_and_kept(straight: Path, machine: Machine, tmp_path: Path) -> None:
+def test_a_damaged_state_is_said_and_kept(straight: Path, resources: Resources, tmp_path: Path) -> None:
     (tmp_path / "config.json").write_bytes((straight / "config.json").read_bytes())
     damaged = (straight / "state.pt").read_bytes()[:5000]
     (tmp_path / "state.pt").write_bytes(damaged)
     with pytest.raises(ConfigError, match=r"state\.pt is damaged .* delete it to begin anew"):
-        train(NETWORK, TINY_TRAINING, Budget(steps=STEPS), tmp_path, machine=machine)
+        train(NETWORK, TINY_TRAINING, Budget(steps=STEPS), tmp_path, resources=resources)
     assert (tmp_path / "state.pt").read_bytes() == damaged
 
 
 def test_a_loss_that_is_not_a_number_ends_the_run_and_saves_nothing(
-    machine: Machine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    resources: Resources, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(trainer, "weighted_sum", lambda terms, weights: sum(terms.values()) * torch.tensor(torch.nan))
     with pytest.raises(SimpickError, match=r"the loss is not a number any more at step 0; .* lower learning_rate"):
-        train(NETWORK, TINY_TRAINING, Budget(steps=STEPS), tmp_path, machine=machine)
+        train(NETWORK, TINY_TRAINING, Budget(steps=STEPS), tmp_path, resources=resources)
     assert not (tmp_path / "state.pt").exists() and not (tmp_path / "weights.safetensors").exists()
 
 
 def test_a_frozen_encoder_without_weights_is_refused(tmp_path: Path) -> None:
     config, budget = replace(TINY_TRAINING, templates=3), Budget(steps=1)
     with pytest.raises(ConfigError, match=r"'dinov2_vitb14' is frozen: give a local file with its weights"):
-        train(replace(preset("paper")), config, budget, tmp_path / "a", machine=Machine("cpu", 0))
+        train(replace(preset("paper")), config, budget, tmp_path / "a", resources=Resources("cpu", 0))
     with pytest.raises(ConfigError, match="dino_weights are for DINOv2 as image encoder"):
-        train(NETWORK, config, budget, tmp_path / "b", machine=Machine("cpu", 0), dino_weights=tmp_path / "dino.pth")
+        train(
+            NETWORK, config, budget, tmp_path / "b", resources=Resources("cpu", 0), dino_weights=tmp_path / "dino.pth"
+        )
 
 
 def test_more_templates_than_the_network_takes_are_refused(tmp_path: Path) -> None:
@@ -175,7 +179,7 @@ def test_the_budget_that_is_spent_first_ends_a_run() -> None:
 
 
 def test_the_learning_rate_rises_stays_and_falls() -> None:
-    config = TrainConfig(learning_rate=1.0, warmup_steps=10, cooldown_share=0.5)
+    config = TrainConfig(learning_rate=1.0, warmup_steps=10, decay_fraction=0.5)
     assert config.learning_rate_at(0, 0.0) == pytest.approx(0.1)
     assert config.learning_rate_at(9, 0.2) == config.learning_rate_at(50, 0.5) == 1.0
     assert config.learning_rate_at(99, 1.0) == pytest.approx(0.01)
@@ -188,7 +192,7 @@ def test_the_learning_rate_rises_stays_and_falls() -> None:
         ({"batch": 5, "parts": 2}, "parts must divide batch, got parts=2, batch=5"),
         ({"window": 2}, "window must hold as many shards as parts=4, got 2"),
         ({"learning_rate": float("nan")}, "learning_rate must be above 0, got nan"),
-        ({"average_decay": 1.0}, "average_decay must be from 0 to below 1, got 1.0"),
+        ({"ema_decay": 1.0}, "ema_decay must be from 0 to below 1, got 1.0"),
         ({"warmup_steps": -1}, "warmup_steps and weight_decay must be 0 or more, got -1 and 0.01"),
         ({"schedule": "quadratic"}, "schedule must be one of log_snr, cosine, linear, got 'quadratic'"),
     ],

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import torch
 
+from simpick.estimators.raypose.diffusion.schedule import make_schedule
 from simpick.estimators.raypose.network.config import preset
 from simpick.estimators.raypose.network.model import RayPose
 from simpick.estimators.raypose.network.pose_maps import ViewPoses
-from simpick.estimators.raypose.diffusion.schedule import make_schedule
 from simpick.geometry.torch_rotations import so3_exp
 from simpick.training import validation
 from simpick.training.data.shard import Shard
@@ -31,7 +31,7 @@ def figures(shard: Shard, monkeypatch: pytest.MonkeyPatch, deg: float, depth_fac
     answer = ViewPoses(
         (turn @ truth.R).expand(-1, 3, -1, -1),
         truth.centre.expand(-1, 3, -1),
-        depth_factor * truth.reach_m.expand(-1, 3),
+        depth_factor * truth.half_extent_at_depth_m.expand(-1, 3),
     )
     monkeypatch.setattr(validation, "sample_views", lambda *_: answer)
     return measured.measure(RayPose(NETWORK), make_schedule())

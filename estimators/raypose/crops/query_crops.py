@@ -9,9 +9,9 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float
 
+from simpick.estimators.raypose.crops.virtual_recrops import aim_recrops, sample_recrops
 from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.network.pose_maps import ViewPoses
-from simpick.estimators.raypose.crops.virtual_recrops import aim_recrops, sample_recrops
 from simpick.estimators.raypose.network.tokens import QueryInputs
 from simpick.geometry import crop_images, transform, turned_boxes
 from simpick.records import CameraFrame
@@ -40,7 +40,7 @@ class QueryCrops:
     def poses_in_camera(self, rows: np.ndarray, poses: ViewPoses) -> Float[np.ndarray, "m 4 4"]:
         """Return T_camera_part of views in the crops of these rows; views have one leading dimension."""
         half_tangent = self.inputs.half_tangent[torch.from_numpy(rows)].double()
-        exact = ViewPoses(poses.R.double(), poses.centre.double(), poses.reach_m.double())
+        exact = ViewPoses(poses.R.double(), poses.centre.double(), poses.half_extent_at_depth_m.double())
         Rs_camera_crop = np.swapaxes(self.Rs_crop_camera[rows], 1, 2)
         return transform(Rs_camera_crop) @ exact.pose(half_tangent).numpy()
 

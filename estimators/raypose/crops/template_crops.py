@@ -12,9 +12,9 @@ from jaxtyping import Float, Int
 from torch import Tensor
 from torch.nn import functional as F
 
+from simpick.estimators.raypose.crops.virtual_recrops import aim_recrops, sample_recrops
 from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.network.pose_maps import ViewPoses
-from simpick.estimators.raypose.crops.virtual_recrops import aim_recrops, sample_recrops
 from simpick.estimators.raypose.network.tokens import TemplateInputs
 from simpick.geometry import SymmetryGroup, invert, transform, transform_points, turned_boxes
 from simpick.rendering import TemplateSet

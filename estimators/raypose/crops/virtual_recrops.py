@@ -20,7 +20,7 @@ _TANGENTS = Pinhole(4000, 4000, 1000.0, 1000.0, 2000.0, 2000.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Recrops:
+class VirtualRecrops:
     """Virtual cameras at the centres of source cameras."""
 
     size_px: int
@@ -35,9 +35,9 @@ class Recrops:
         """Return the tangents of half the crops' angles."""
         return self.size_px / 2 / self.focal_px
 
-    def halved(self) -> Recrops:
+    def halved(self) -> VirtualRecrops:
         """Return the same views with half as many pixels a side: enough where only means over cells are wanted."""
-        return Recrops(self.size_px // 2, self.focal_px / 2, self.Rs_crop_source)
+        return VirtualRecrops(self.size_px // 2, self.focal_px / 2, self.Rs_crop_source)
 
 
 def aim_recrops(
@@ -48,7 +48,7 @@ def aim_recrops(
     size_px: int,
     *,
     padding: float,
-) -> Recrops:
+) -> VirtualRecrops:
     """Return the crops of boxes in square source images that are turned clockwise by the angles first.
 
     Boxes are those of the turned images, in the source's pixels; principal points are in the middle.
@@ -59,11 +59,11 @@ def aim_recrops(
     tangents = (boxes_xyxy_px - source_px / 2) / source_focal_px[:, None]
     aimed = aim_virtual_cameras(_TANGENTS, 1000.0 * tangents + 2000.0, size_px, padding=padding)
     Rs_turned_source = so3_exp(angles_rad[:, None] * np.array([0.0, 0.0, 1.0]))
-    return Recrops(size_px, aimed.focal_px, aimed.Rs_crop_camera @ Rs_turned_source)
+    return VirtualRecrops(size_px, aimed.focal_px, aimed.Rs_crop_camera @ Rs_turned_source)
 
 
 def sample_recrops(
-    images: Float[Tensor, "n channels source source"], source_focal_px: Float[np.ndarray, "n"], recrops: Recrops
+    images: Float[Tensor, "n channels source source"], source_focal_px: Float[np.ndarray, "n"], recrops: VirtualRecrops
 ) -> Float[Tensor, "n channels size size"]:
     """Return the images as the crops' cameras see them, 0 where the source ends."""
     source, size = images.shape[-1], recrops.size_px

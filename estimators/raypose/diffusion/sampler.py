@@ -11,8 +11,8 @@ from typing import Protocol, runtime_checkable
 from jaxtyping import Float
 from torch import Tensor
 
-from simpick.estimators.raypose.diffusion.x0_parameterization import add_noise, implied_noise
 from simpick.estimators.raypose.diffusion.schedule import Schedule
+from simpick.estimators.raypose.diffusion.x0_parameterization import add_noise, implied_noise
 
 
 @runtime_checkable

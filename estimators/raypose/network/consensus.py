@@ -23,7 +23,7 @@ def combine_views(views: ViewPoses) -> ViewPoses:
     weight = weight / weight.sum(dim=1, keepdim=True)
     R = project_to_so3(torch.einsum("bk,bkij->bij", weight, views.R))
     centre = torch.einsum("bk,bki->bi", weight, views.centre)
-    return ViewPoses(R, centre, (weight * views.reach_m.log()).sum(dim=1).exp())
+    return ViewPoses(R, centre, (weight * views.half_extent_at_depth_m.log()).sum(dim=1).exp())
 
 
 def agreement(views: ViewPoses) -> Float[Tensor, "batch"]:

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from simpick.estimators.raypose.network.config import RayPoseConfig
-from simpick.estimators.raypose.network.layers import DiTBlock, KeysValues, NoiseLevelEmbedding
+from simpick.estimators.raypose.network.layers import DiTBlock, KeysValues, TimestepEmbedder
 from simpick.estimators.raypose.network.pose_maps import CHANNELS, canonical_rays, encode_offsets
 
 
@@ -21,7 +21,7 @@ class Decoder(nn.Module):
     def __init__(self, config: RayPoseConfig) -> None:
         super().__init__()
         self.embed_maps = nn.Linear(2 * CHANNELS, config.width)
-        self.embed_noise = NoiseLevelEmbedding(config.width)
+        self.embed_noise = TimestepEmbedder(config.width)
         self.blocks = nn.ModuleList(DiTBlock(config.width, config.heads) for _ in range(config.decoder_blocks))
         self.norm_out = nn.LayerNorm(config.width, elementwise_affine=False)
         self.modulation_out = nn.Linear(config.width, 2 * config.width)

@@ -94,7 +94,7 @@ class DiTBlock(nn.Module):
         return x + gate_m * self.mlp(h)
 
 
-class NoiseLevelEmbedding(nn.Module):
+class TimestepEmbedder(nn.Module):
     """Sinusoids of the log signal-to-noise ratio, and an MLP."""
 
     _FREQUENCIES = 32

@@ -67,7 +67,9 @@ def translation_xyz(predicted: Maps, query: ViewPoses, reference: ViewPoses, pad
 
     Relative, so that large and distant parts do not count more; `query` is the truth.
     """
-    ratio = (predicted[..., 2].mean(dim=(-2, -1)) + (reference.reach_m / query.reach_m).log()).exp()
+    ratio = (
+        predicted[..., 2].mean(dim=(-2, -1)) + (reference.half_extent_at_depth_m / query.half_extent_at_depth_m).log()
+    ).exp()
     lateral = decode_centre(predicted[..., :2], padding) * ratio[..., None] - query.centre
     return (lateral.abs().sum(dim=-1) + (ratio - 1).abs()).mean()
 

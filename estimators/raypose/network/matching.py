@@ -33,7 +33,7 @@ class Matches:
     """Expected position in the part's frame, in diameters."""
     spread: Float[Tensor, "batch query_cells"]
     """Standard deviation of that position, in diameters."""
-    likeness: Float[Tensor, "batch query_cells"]
+    similarity: Float[Tensor, "batch query_cells"]
     """Cosine of the most similar descriptor."""
     weights: Float[Tensor, "batch query_cells"]
     """How much each cell is to be trusted, in [0, 1]."""
@@ -49,11 +49,11 @@ class Matches:
         """Return what the decoder is told of each cell, for each view.
 
         Where in the reference view the match lies (3), the solved pose's residual (2), its place (2), spread,
-        likeness, weight and coverage. `scale` is the part's diameter over each reference view's reach.
+        similarity, weight and coverage. `scale` is the part's diameter over each reference view's reach.
         """
         turned = torch.einsum("bkij,bnj->bkni", reference.R, self.points) * scale[..., None, None]
         views = turned.shape[1]
-        own = torch.stack([self.spread * 4, self.likeness, self.weights, coverage], dim=-1)  # (batch, cells, 4)
+        own = torch.stack([self.spread * 4, self.similarity, self.weights, coverage], dim=-1)  # (batch, cells, 4)
         shared = torch.cat([own, places], dim=-1)
         return torch.cat([turned, 4 * solved.residuals, shared[:, None].expand(-1, views, -1, -1)], dim=-1)
 
@@ -88,7 +88,7 @@ class Matcher(nn.Module):
         mean = weights @ points  # (batch, query cells, 3)
         square = (weights @ points.square()).sum(dim=-1)
         spread = (square - mean.square().sum(dim=-1) + 1e-6).clamp_min(1e-6).sqrt()
-        likeness = cosine.masked_fill(~covered, -1.0).amax(dim=-1)
-        hints = torch.stack([spread * 4, likeness, query_coverage], dim=-1)
+        similarity = cosine.masked_fill(~covered, -1.0).amax(dim=-1)
+        hints = torch.stack([spread * 4, similarity, query_coverage], dim=-1)
         trust = self.trust(torch.cat([query, hints], dim=-1)).squeeze(-1).sigmoid()
-        return Matches(log_probabilities, mean, spread, likeness, trust * (query_coverage > MIN_COVERAGE))
+        return Matches(log_probabilities, mean, spread, similarity, trust * (query_coverage > MIN_COVERAGE))

@@ -9,8 +9,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from simpick.estimators.raypose.network.consensus import combine_views
 from simpick.estimators.raypose.network.config import RayPoseConfig
+from simpick.estimators.raypose.network.consensus import combine_views
 from simpick.estimators.raypose.network.decoder import Decoder
 from simpick.estimators.raypose.network.flow import FlowCells, TemplateFlow
 from simpick.estimators.raypose.network.image_encoder import FeatureMaps, SimpickEncoder, make_image_encoder
@@ -20,7 +20,7 @@ from simpick.estimators.raypose.network.pose_maps import CHANNELS, ViewPoses, ce
 from simpick.estimators.raypose.network.pose_solver import ITERATIONS, SolvedPoses, residuals_of, solve_poses, support
 from simpick.estimators.raypose.network.tokens import (
     Conditioning,
-    FirstPoses,
+    InitialPoses,
     QueryInputs,
     QueryTokens,
     TemplateInputs,
@@ -105,7 +105,7 @@ class RayPose(nn.Module):
         views, poses = templates.tokens.shape[1], templates.poses
         tokens = templates.tokens + self.view_position[:views, None]
         if self.config.template_pose:
-            flat = ViewPoses(poses.R.flatten(0, 1), poses.centre.flatten(0, 1), poses.reach_m.flatten())
+            flat = ViewPoses(poses.R.flatten(0, 1), poses.centre.flatten(0, 1), poses.half_extent_at_depth_m.flatten())
             posed = self.view_encoder.encode_pose(flat, templates.diameter_m.repeat_interleave(views))
             points = _in_view(templates.points, poses, templates.diameter_m)
             geometry = self._patches(torch.cat([points, templates.coverage[..., None]], dim=-1))
@@ -124,7 +124,7 @@ class RayPose(nn.Module):
         first = self.decoder.neutral.expand(*base.shape[:-1], CHANNELS)
         matched = None
         if self.config.matching and self.config.template_pose:
-            matched = self.first_poses(query, fused)
+            matched = self.initial_poses(query, fused)
             base = base + self.embed_matches(self._patches(self._match_features(query, fused, matched)))
             first = self.maps_of(matched.poses, fused)
         own = query.tokens
@@ -147,7 +147,7 @@ class RayPose(nn.Module):
             noisy, log_snr = noisy.flatten(0, 1)[:, None], log_snr.repeat_interleave(shape[1])
         return self.decoder(noisy, log_snr, conditioning.base, conditioning.first, conditioning.kv).reshape(shape)
 
-    def first_poses(self, query: QueryTokens, templates: TemplateTokens, *, flow: bool = True) -> FirstPoses:
+    def initial_poses(self, query: QueryTokens, templates: TemplateTokens, *, flow: bool = True) -> InitialPoses:
         """Return matches, the poses solved from them, and what flow makes of these; templates need not be fused.
 
         Without multiview, every template is a query's only one: as many groups as templates, of one view each.
@@ -177,12 +177,12 @@ class RayPose(nn.Module):
             poses = dataclasses.replace(poses, residuals=residuals_of(*args[:2], query.half_tangent, poses))
         if not multiview:
             solved, poses = (map_tensors(x, lambda y: y.squeeze(1).unflatten(0, (-1, views))) for x in (solved, poses))
-        return FirstPoses(matches, solved, followed, poses)
+        return InitialPoses(matches, solved, followed, poses)
 
     def maps_of(self, poses: SolvedPoses, templates: TemplateTokens) -> Float[Tensor, "batch views tokens 6"]:
         """Return the pose maps of each view's pose."""
-        reach_m = templates.diameter_m[:, None] / poses.log_scale.exp()
-        pose = ViewPoses(poses.R, poses.centre, reach_m)
+        half_extent_at_depth_m = templates.diameter_m[:, None] / poses.log_scale.exp()
+        pose = ViewPoses(poses.R, poses.centre, half_extent_at_depth_m)
         maps = encode_pose_maps(pose, self.reference(templates), self.config.map_cells, self.config.padding)
         return maps.flatten(2, 3)
 
@@ -192,7 +192,7 @@ class RayPose(nn.Module):
         """Return how much of what is seen is matched where each pose says, in [0, 1]; see `matches`."""
         pose = _unsolved(poses, diameter_m)
         # Not the trust, which is only relative.
-        weights = query.coverage * matches.likeness.clamp(0, 1)
+        weights = query.coverage * matches.similarity.clamp(0, 1)
         return support(matches.points, query.places, weights, query.coverage, query.half_tangent, pose)
 
     @property
@@ -205,9 +205,9 @@ class RayPose(nn.Module):
 
         A fraction of the cost of an answer: what a search over turns and starts goes by. Templates need not be fused.
         """
-        first = self.first_poses(query, templates, flow=False)
-        reach_m = templates.diameter_m[:, None] / first.solved.log_scale.exp()
-        poses = ViewPoses(first.solved.R, first.solved.centre, reach_m)
+        first = self.initial_poses(query, templates, flow=False)
+        half_extent_at_depth_m = templates.diameter_m[:, None] / first.solved.log_scale.exp()
+        poses = ViewPoses(first.solved.R, first.solved.centre, half_extent_at_depth_m)
         support = self.support(query, first.matches, poses, templates.diameter_m)
         best, rows = support.argmax(dim=1), torch.arange(len(support), device=support.device)
         return map_tensors(poses, lambda x: x[rows, best]), support[rows, best]
@@ -218,18 +218,18 @@ class RayPose(nn.Module):
             return fused.poses
         # Absolute poses are relative to a view from the front that is as wide as the part.
         R = torch.eye(3, device=fused.tokens.device).expand_as(fused.poses.R)
-        reach_m = fused.diameter_m[:, None].expand_as(fused.poses.reach_m)
-        return ViewPoses(R, torch.zeros_like(fused.poses.centre), reach_m)
+        half_extent_at_depth_m = fused.diameter_m[:, None].expand_as(fused.poses.half_extent_at_depth_m)
+        return ViewPoses(R, torch.zeros_like(fused.poses.centre), half_extent_at_depth_m)
 
     # -- pieces -------------------------------------------------------------------------------------------------
 
     def _match_features(
-        self, query: QueryTokens, fused: TemplateTokens, first: FirstPoses
+        self, query: QueryTokens, fused: TemplateTokens, first: InitialPoses
     ) -> Float[Tensor, "batch views cells features"]:
         """Return what the decoder is told of each cell."""
         reference, views = self.reference(fused), fused.tokens.shape[1]
         matches, solved = first.matches, first.poses
-        scale = fused.diameter_m[:, None] / reference.reach_m
+        scale = fused.diameter_m[:, None] / reference.half_extent_at_depth_m
         if self.config.multiview:
             return matches.features(solved, reference, scale, query.coverage, query.places)
         reference = map_tensors(reference, lambda x: x.flatten(0, 1)[:, None])
@@ -267,7 +267,7 @@ class RayPose(nn.Module):
 
 def _unsolved(poses: ViewPoses, diameter_m: Float[Tensor, "batch"]) -> SolvedPoses:
     """Return poses as the solver takes them; residuals come from solving."""
-    log_scale = (diameter_m[:, None] / poses.reach_m).log()
+    log_scale = (diameter_m[:, None] / poses.half_extent_at_depth_m).log()
     return SolvedPoses(poses.R, poses.centre, log_scale, poses.centre.new_zeros(*log_scale.shape, 0, 2))
 
 
@@ -276,7 +276,7 @@ def _common(solved: SolvedPoses) -> SolvedPoses:
     # In single precision, as they were solved.
     with torch.no_grad(), torch.autocast(solved.R.device.type, enabled=False):
         one = combine_views(ViewPoses(solved.R, solved.centre, (-solved.log_scale).exp()))
-    R, centre, log_scale = one.R[:, None], one.centre[:, None], -one.reach_m.log()[:, None]
+    R, centre, log_scale = one.R[:, None], one.centre[:, None], -one.half_extent_at_depth_m.log()[:, None]
     return SolvedPoses(R, centre, log_scale, solved.residuals[:, :1, :0])
 
 
@@ -295,4 +295,7 @@ def _in_view(
     points: Float[Tensor, "batch views cells 3"], poses: ViewPoses, diameter_m: Float[Tensor, "batch"]
 ) -> Float[Tensor, "batch views cells 3"]:
     """Return positions turned into each view's frame, in half sides of its crop."""
-    return torch.einsum("bkij,bknj->bkni", poses.R, points) * (diameter_m[:, None] / poses.reach_m)[..., None, None]
+    return (
+        torch.einsum("bkij,bknj->bkni", poses.R, points)
+        * (diameter_m[:, None] / poses.half_extent_at_depth_m)[..., None, None]
+    )

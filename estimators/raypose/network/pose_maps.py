@@ -27,7 +27,7 @@ class ViewPoses:
     """Turns the part's frame into the crop's."""
     centre: Float[Tensor, "*batch 2"]
     """Projection of the part's origin, in half crop sides from the crop's middle."""
-    reach_m: Float[Tensor, "*batch"]
+    half_extent_at_depth_m: Float[Tensor, "*batch"]
     """Half the crop's side at the part's depth, in metres."""
 
     @staticmethod
@@ -39,8 +39,8 @@ class ViewPoses:
 
     def pose(self, half_tangent: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch 4 4"]:
         """Return T_crop_part: the inverse of `of`."""
-        depth = self.reach_m / half_tangent
-        lateral = self.centre * self.reach_m[..., None]
+        depth = self.half_extent_at_depth_m / half_tangent
+        lateral = self.centre * self.half_extent_at_depth_m[..., None]
         t = torch.cat([lateral, depth[..., None]], dim=-1)
         top = torch.cat([self.R, t[..., None]], dim=-1)
         last = top.new_tensor([0.0, 0.0, 0.0, 1.0]).expand(*top.shape[:-2], 1, 4)
@@ -98,7 +98,7 @@ def encode_pose_maps(
     """
     rays = encode_rotation(query.R @ reference.R.mT, cells)
     offsets = encode_offsets(query.centre.expand(*rays.shape[:-3], 2), cells, padding)
-    scale = (query.reach_m / reference.reach_m).log().expand(rays.shape[:-3])
+    scale = (query.half_extent_at_depth_m / reference.half_extent_at_depth_m).log().expand(rays.shape[:-3])
     return torch.cat([rays, offsets, scale[..., None, None, None].expand(*rays.shape[:-1], 1)], dim=-1)
 
 
@@ -106,5 +106,5 @@ def decode_pose_maps(maps: Float[Tensor, "*batch cells cells 6"], reference: Vie
     """Return the view that `encode_pose_maps` was given, or the one closest to noisy maps. Differentiable."""
     R = decode_rotation(maps[..., :3]) @ reference.R
     centre = decode_centre(maps[..., 3:5], padding)
-    reach_m = reference.reach_m * maps[..., 5].mean(dim=(-2, -1)).exp()
-    return ViewPoses(R, centre, reach_m)
+    half_extent_at_depth_m = reference.half_extent_at_depth_m * maps[..., 5].mean(dim=(-2, -1)).exp()
+    return ViewPoses(R, centre, half_extent_at_depth_m)

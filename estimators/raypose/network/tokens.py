@@ -92,7 +92,7 @@ class QueryTokens:
 
 
 @dataclass(frozen=True, eq=False)
-class FirstPoses:
+class InitialPoses:
     """What matches, and then flow, say of the pose: what the decoder corrects."""
 
     matches: Matches
@@ -115,7 +115,7 @@ class Conditioning:
     """What poses are relative to; leading dimensions (batch, views)."""
     first: Float[Tensor, "groups views tokens 6"]
     """Maps that the decoder corrects: those of the first poses, or of "same pose as the reference"."""
-    matched: FirstPoses | None
+    matched: InitialPoses | None
 
 
 Record = TypeVar("Record", FlowCells, QueryTokens, SolvedPoses, ViewPoses)

@@ -42,6 +42,6 @@ class ViewEncoder(nn.Module):
         """Return an embedding of the part's pose in each cell: templates only; reach in diameters of the part."""
         rays = encode_rotation(views.R, self.cells)
         offsets = encode_offsets(views.centre, self.cells, self.padding)
-        scale = (views.reach_m / diameter_m).log()[:, None, None, None].expand(*rays.shape[:-1], 1)
+        scale = (views.half_extent_at_depth_m / diameter_m).log()[:, None, None, None].expand(*rays.shape[:-1], 1)
         maps = torch.cat([rays, offsets, scale], dim=-1)  # (batch, cells, cells, 6)
         return self.pose(fourier_features(maps, self.bands)).flatten(1, 2)

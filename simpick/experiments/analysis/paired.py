@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from simpick.experiments.analysis.grasp_scores import ABSTENTIONS, first_try_successes, perception_time_s
+from simpick.experiments.result_store import EpisodeResult
 from simpick.metrics.intervals import (
     Interval,
     percentile_interval,
@@ -22,7 +23,6 @@ from simpick.metrics.intervals import (
     resampled_median,
     resampled_ratio,
 )
-from simpick.experiments.result_store import EpisodeResult
 from simpick.records import PickOutcome, PickRecord
 
 RESAMPLES = 2000

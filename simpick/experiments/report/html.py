@@ -14,14 +14,14 @@ from urllib.parse import quote
 
 from simpick.caching import atomic_write_bytes, atomic_write_text
 from simpick.errors import OutputError
+from simpick.experiments.analysis.error_tolerance import SuccessShare, success_by_pose
+from simpick.experiments.analysis.failure_causes import count_causes
+from simpick.experiments.analysis.grasp_scores import PERCEPTION_STAGES
+from simpick.experiments.analysis.paired import MEASURES, PairedStatistics, best_mode, executed
 from simpick.experiments.comparison import Comparison
+from simpick.experiments.modes import parse_mode
 from simpick.experiments.report.plots import PLOTS, mode_colours
 from simpick.experiments.report.tables import DIFFERENCES, cause_cells, cause_headings, heading, number
-from simpick.experiments.analysis.failure_causes import count_causes
-from simpick.experiments.analysis.error_tolerance import SuccessShare, success_by_pose
-from simpick.experiments.analysis.grasp_scores import PERCEPTION_STAGES
-from simpick.experiments.modes import parse_mode
-from simpick.experiments.analysis.paired import MEASURES, PairedStatistics, best_mode, executed
 
 REPORT_FILE = "report.html"
 TEMPLATE = Path(__file__).with_name("report_template.html")

@@ -13,12 +13,12 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
-from simpick.experiments.comparison import Comparison
-from simpick.experiments.analysis.failure_causes import FailureCause, count_causes
 from simpick.experiments.analysis.error_tolerance import ERROR_EDGES, success_by_error
+from simpick.experiments.analysis.failure_causes import FailureCause, count_causes
 from simpick.experiments.analysis.grasp_scores import PERCEPTION_STAGES
-from simpick.experiments.modes import parse_mode
 from simpick.experiments.analysis.paired import executed
+from simpick.experiments.comparison import Comparison
+from simpick.experiments.modes import parse_mode
 from simpick.records import PickOutcome
 
 ORACLE_COLOURS = {"oracle": "#3c4248", "oracle_noise": "#949ca4"}

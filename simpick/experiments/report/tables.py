@@ -9,8 +9,8 @@ from rich.box import SIMPLE
 from rich.table import Table
 
 from simpick.experiments.analysis.failure_causes import Failure, FailureCause, count_causes
-from simpick.metrics.intervals import Interval
 from simpick.experiments.analysis.paired import MEASURES, Measure, PairedStatistics
+from simpick.metrics.intervals import Interval
 
 DIFFERENCES = ("grasp_success", "first_try", "clearance", "mpph", "rotation_deg", "translation_mm")
 """Measures whose differences are told."""

@@ -9,13 +9,13 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 from simpick.estimators.raypose.network.config import RayPoseConfig
+from simpick.training.config import TrainConfig
 from simpick.training.data.batches import TrainingBatch, make_batch
 from simpick.training.data.data_order import draw_queries, draw_shards, step_rng, window_at
-from simpick.training.resources import Machine
-from simpick.training.distributed import Processes
 from simpick.training.data.shard import Shard
 from simpick.training.data.shard_stream import ShardStream
-from simpick.training.config import TrainConfig
+from simpick.training.distributed import Distributed
+from simpick.training.resources import Resources
 
 
 class BatchSource:
@@ -26,8 +26,8 @@ class BatchSource:
         config: TrainConfig,
         network: RayPoseConfig,
         folder: Path,
-        machine: Machine,
-        processes: Processes,
+        resources: Resources,
+        processes: Distributed,
         step: int,
     ) -> None:
         """Begin with `step`; each process of several has shards of its own."""
@@ -39,15 +39,15 @@ class BatchSource:
             folder,
             data,
             split="train",
-            workers=machine.renderers,
-            ahead=max(2, 2 * machine.renderers) if machine.renderers else 0,
+            workers=resources.renderers,
+            prefetch=max(2, 2 * resources.renderers) if resources.renderers else 0,
             start=self._first,
-            keep=machine.shards is not None,
+            keep=resources.shards is not None,
         )
         self._shards: dict[int, Shard] = {}
         self._lock = threading.Lock()
-        self._pool = ThreadPoolExecutor(max(1, machine.loaders), thread_name_prefix="loader")
-        self._ahead = 2 * max(1, machine.loaders)
+        self._pool = ThreadPoolExecutor(max(1, resources.loaders), thread_name_prefix="loader")
+        self._ahead = 2 * max(1, resources.loaders)
         self._futures: dict[int, Future[TrainingBatch]] = {}
         self._waited_s, self._since = 0.0, time.perf_counter()
 

@@ -13,9 +13,6 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 from torch.nn import functional as F
 
-from simpick.estimators.raypose.network.config import RayPoseConfig
-from simpick.estimators.raypose.network.pose_maps import ViewPoses
-from simpick.estimators.raypose.crops.virtual_recrops import Recrops, aim_recrops, sample_recrops
 from simpick.estimators.raypose.crops.template_choice import (
     align_turns,
     draw_around,
@@ -23,6 +20,9 @@ from simpick.estimators.raypose.crops.template_choice import (
     view_angles,
 )
 from simpick.estimators.raypose.crops.template_crops import TemplateCrops, collate, crop_templates
+from simpick.estimators.raypose.crops.virtual_recrops import VirtualRecrops, aim_recrops, sample_recrops
+from simpick.estimators.raypose.network.config import RayPoseConfig
+from simpick.estimators.raypose.network.pose_maps import ViewPoses
 from simpick.estimators.raypose.network.tokens import QueryInputs, TemplateInputs
 from simpick.geometry import invert, so3_exp, transform, turned_boxes
 from simpick.training.data.augmentation import AugmentationConfig, jitter_boxes, perturb_mask
@@ -143,7 +143,7 @@ def _sample(
     shard: Shard,
     rows: Int[np.ndarray, "n"],
     masks: Bool[np.ndarray, "n size size"],
-    recrops: Recrops,
+    recrops: VirtualRecrops,
     config: RayPoseConfig,
 ) -> tuple[Float[Tensor, "n 4 crop crop"], Float[Tensor, "n cells 3"], Float[Tensor, "n cells"]]:
     """Return colour and mask of the crops, and each cell's mean surface point in the crop's frame (m) and coverage."""

@@ -10,8 +10,8 @@ from simpick.training.config import TrainConfig
 
 def window_at(config: TrainConfig, step: int) -> range:
     """Return the indices of the shards that a step may draw from."""
-    passed = int(step * config.batch / (config.uses * config.data.queries))
-    stop = max(config.first_shards, config.parts) + passed
+    passed = int(step * config.batch / (config.repeats_per_query * config.data.queries))
+    stop = max(config.min_ready_shards, config.parts) + passed
     return range(max(0, stop - config.window), stop)
 
 

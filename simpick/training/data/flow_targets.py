@@ -32,7 +32,7 @@ def flow_terms(model: RayPose, batch: TrainingBatch, flow: Flow) -> dict[str, Fl
             batch.coverage,
             batch.truth.R[:, 0],
             batch.truth.centre[:, 0],
-            (batch.templates.diameter_m[batch.sets] / batch.truth.reach_m[:, 0]).log(),
+            (batch.templates.diameter_m[batch.sets] / batch.truth.half_extent_at_depth_m[:, 0]).log(),
         )
     )
     truth = SolvedPoses(R[:, None], centre[:, None], log_scale[:, None], R.new_zeros(len(R), 1, 0, 2))

@@ -32,7 +32,7 @@ class ShardStream:
         *,
         split: Split,
         workers: int = 1,
-        ahead: int = 4,
+        prefetch: int = 4,
         start: int = 0,
         keep: bool = False,
         limits: WorkerLimits | None = None,
@@ -44,7 +44,7 @@ class ShardStream:
             config: What they are drawn from.
             split: Which of the two worlds of parts they are of.
             workers: Renderer processes; 0 makes shards in this process, when they are asked for.
-            ahead: How many shards beyond the one asked for last are made in advance.
+            prefetch: How many shards beyond the one asked for last are made in advance.
             start: The first index that will be asked for; what an earlier run left below it is deleted.
             keep: Never delete files.
             limits: Time limits of the workers.
@@ -52,11 +52,13 @@ class ShardStream:
         Raises:
             ConfigError: a number is negative, or there are workers with nothing to make ahead.
         """
-        if workers < 0 or ahead < 0 or start < 0:
-            raise ConfigError(f"workers, ahead and start must not be negative, got {workers}, {ahead} and {start}")
-        if workers and not ahead:
-            raise ConfigError(f"ahead must be 1 or more with {workers} workers, got 0")
-        self.folder, self.ahead, self.keep = folder, ahead, keep
+        if workers < 0 or prefetch < 0 or start < 0:
+            raise ConfigError(
+                f"workers, prefetch and start must not be negative, got {workers}, {prefetch} and {start}"
+            )
+        if workers and not prefetch:
+            raise ConfigError(f"prefetch must be 1 or more with {workers} workers, got 0")
+        self.folder, self.prefetch, self.keep = folder, prefetch, keep
         self.waited_s = 0.0
         """Seconds that `get` has taken so far."""
         self._prefix = f"{split}-{cache_key(VERSION, repr(config), mujoco.__version__)}"
@@ -129,7 +131,7 @@ class ShardStream:
     def _aim(self, index: int) -> None:
         """Let the workers make what is missing from this index on."""
         if self._pool is not None:
-            missing = [k for k in range(index, index + 1 + self.ahead) if not self.path(k).exists()]
+            missing = [k for k in range(index, index + 1 + self.prefetch) if not self.path(k).exists()]
             for k in missing:
                 self._pool.forget(k)
             self._pool.want(missing)

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 import torch
 
-from simpick.estimators.raypose.network.config import RayPoseConfig, preset
 from simpick.estimators.raypose.crops.template_choice import align_turns, view_angles
+from simpick.estimators.raypose.network.config import RayPoseConfig, preset
 from simpick.geometry import SymmetryGroup, rotation_angle, transform_points
+from simpick.training.config import TrainConfig
 from simpick.training.data.augmentation import AugmentationConfig, perturb_mask
 from simpick.training.data.batches import TrainingBatch, make_batch
 from simpick.training.data.data_order import draw_shards, step_rng, window_at
 from simpick.training.data.shard import Shard
-from simpick.training.config import TrainConfig
 
 pytestmark = pytest.mark.render
 
@@ -201,7 +201,7 @@ def test_the_order_of_the_data_follows_from_seed_and_step() -> None:
 
 
 def test_the_window_passes_over_every_shard_as_often_as_asked() -> None:
-    config = TrainConfig(batch=32, uses=2.0, window=16)
+    config = TrainConfig(batch=32, repeats_per_query=2.0, window=16)
     starts = [window_at(config, step).start for step in range(4000)]
     assert all(0 <= after - before <= 1 for before, after in itertools.pairwise(starts))
     shards_passed = starts[-1] - starts[2000]

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import torch
 
+from simpick.estimators.raypose.diffusion.schedule import make_schedule
 from simpick.estimators.raypose.network.config import preset
 from simpick.estimators.raypose.network.flow import Flow
 from simpick.estimators.raypose.network.losses import LossWeights, weighted_sum
 from simpick.estimators.raypose.network.model import RayPose
 from simpick.estimators.raypose.network.pose_solver import SolvedPoses, project
-from simpick.estimators.raypose.diffusion.schedule import make_schedule
 from simpick.training.data.augmentation import AugmentationConfig
 from simpick.training.data.batches import TrainingBatch, make_batch
 from simpick.training.data.flow_targets import flow_terms
@@ -35,7 +35,7 @@ def model() -> RayPose:
 
 
 def true_pose(batch: TrainingBatch) -> SolvedPoses:
-    log_scale = (batch.templates.diameter_m[batch.sets][:, None] / batch.truth.reach_m).log()
+    log_scale = (batch.templates.diameter_m[batch.sets][:, None] / batch.truth.half_extent_at_depth_m).log()
     return SolvedPoses(batch.truth.R, batch.truth.centre, log_scale, torch.zeros(len(batch), 1, 0, 2))
 
 
@@ -71,7 +71,7 @@ def test_flow_is_measured_in_single_precision_whatever_runs_around_it(model: Ray
     with torch.inference_mode(), torch.autocast("cpu", torch.bfloat16):
         query, templates = model.encode_query(batch.query), model.encode_templates(batch.templates)
         assert query.flow_descriptors.dtype == torch.bfloat16
-        flow = model.first_poses(query, templates.for_queries(batch.sets)).flow
+        flow = model.initial_poses(query, templates.for_queries(batch.sets)).flow
         terms = matching_terms(model, batch)
     assert flow is not None
     assert {flow.offset.dtype, flow.expected.dtype, flow.pose.R.dtype} == {torch.float32}

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.render
 
 
 def test_shards_of_a_worker_equal_those_made_here_even_if_it_is_killed(tiny_shard: Shard, tmp_path: Path) -> None:
-    with ShardStream(tmp_path, TINY, split="train", workers=1, ahead=2) as stream:
+    with ShardStream(tmp_path, TINY, split="train", workers=1, prefetch=2) as stream:
         first = stream.get(0)
         os.kill(stream.worker_pids[0], signal.SIGKILL)
         second = stream.get(1)
@@ -61,7 +61,7 @@ def test_a_stream_that_keeps_deletes_nothing(tiny_shard: Shard, tmp_path: Path) 
 
 
 def test_numbers_out_of_range_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"workers, ahead and start must not be negative, got -1, 4 and 0"):
+    with pytest.raises(ConfigError, match=r"workers, prefetch and start must not be negative, got -1, 4 and 0"):
         ShardStream(tmp_path, TINY, split="train", workers=-1)
-    with pytest.raises(ConfigError, match=r"ahead must be 1 or more with 2 workers, got 0"):
-        ShardStream(tmp_path, TINY, split="train", workers=2, ahead=0)
+    with pytest.raises(ConfigError, match=r"prefetch must be 1 or more with 2 workers, got 0"):
+        ShardStream(tmp_path, TINY, split="train", workers=2, prefetch=0)

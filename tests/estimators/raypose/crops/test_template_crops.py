@@ -7,9 +7,9 @@ import pytest
 import torch
 
 from simpick.errors import ConfigError
-from simpick.estimators.raypose.network.config import RayPoseConfig
-from simpick.estimators.raypose.crops.virtual_recrops import aim_recrops, sample_recrops
 from simpick.estimators.raypose.crops.template_crops import TemplateCrops, collate, crop_templates
+from simpick.estimators.raypose.crops.virtual_recrops import aim_recrops, sample_recrops
+from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.geometry import Pinhole, SymmetryGroup, rotation_angle, so3_exp, transform, transform_points
 from simpick.rendering import TemplateSet
 from simpick.rendering.part_views import PartRenderer

@@ -4,9 +4,9 @@ import pytest
 import torch
 
 from simpick.errors import ConfigError
-from simpick.estimators.raypose.diffusion.x0_parameterization import add_noise, implied_noise
 from simpick.estimators.raypose.diffusion.sampler import sample
 from simpick.estimators.raypose.diffusion.schedule import make_schedule
+from simpick.estimators.raypose.diffusion.x0_parameterization import add_noise, implied_noise
 
 
 def noise(*shape: int, seed: int = 0) -> torch.Tensor:

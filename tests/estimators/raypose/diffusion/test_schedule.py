@@ -4,8 +4,8 @@ import pytest
 import torch
 
 from simpick.errors import ConfigError, UnknownNameError
-from simpick.estimators.raypose.diffusion.x0_parameterization import add_noise, amplitudes, implied_noise
 from simpick.estimators.raypose.diffusion.schedule import SCHEDULES, Schedule, make_schedule
+from simpick.estimators.raypose.diffusion.x0_parameterization import add_noise, amplitudes, implied_noise
 
 
 @pytest.mark.parametrize("name", SCHEDULES)

@@ -10,8 +10,8 @@ import torch
 from safetensors.torch import save_file
 
 from simpick.errors import CheckpointError, ConfigError
-from simpick.estimators.raypose.network import dino_encoder
 from simpick.estimators.raypose.checkpoints import load_checkpoint, save_checkpoint
+from simpick.estimators.raypose.network import dino_encoder
 from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.network.dino_encoder import DinoEncoder, load_dino_weights, make_dino_encoder, make_vit
 from simpick.estimators.raypose.network.image_encoder import SimpickEncoder

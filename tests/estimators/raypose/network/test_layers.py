@@ -7,7 +7,7 @@ import torch
 
 from simpick.estimators.raypose.network.decoder import Decoder
 from simpick.estimators.raypose.network.image_encoder import SimpickEncoder, orientation_channels
-from simpick.estimators.raypose.network.layers import Attention, DiTBlock, NoiseLevelEmbedding, SelfAttentionBlock
+from simpick.estimators.raypose.network.layers import Attention, DiTBlock, SelfAttentionBlock, TimestepEmbedder
 from simpick.estimators.raypose.network.matching import FEATURES, Matcher
 from simpick.estimators.raypose.network.pose_maps import ViewPoses
 from simpick.estimators.raypose.network.pose_solver import SolvedPoses
@@ -89,7 +89,7 @@ def test_a_new_decoder_predicts_the_first_maps() -> None:
 def test_noise_levels_are_told_apart() -> None:
     torch.manual_seed(0)
     levels = torch.linspace(2, -9, 100)
-    embedded = NoiseLevelEmbedding(16)(levels)
+    embedded = TimestepEmbedder(16)(levels)
     nearest = torch.cdist(embedded, embedded).fill_diagonal_(1.0).amin()
     assert nearest > 1e-3
 
@@ -140,7 +140,7 @@ def test_matches_are_the_softmax_of_cosines_over_covered_cells() -> None:
     torch.testing.assert_close(matches.points, torch.tensor([[[0.2 * p, 0.4 * (1 - p), 0.0]]]))
     variance = p * 0.2**2 + (1 - p) * 0.4**2 - (0.2 * p) ** 2 - (0.4 * (1 - p)) ** 2
     assert matches.spread.item() == pytest.approx(math.sqrt(variance + 1e-6), rel=1e-4)
-    assert matches.likeness.item() == pytest.approx(1.0)
+    assert matches.similarity.item() == pytest.approx(1.0)
 
 
 def test_match_features_lie_in_each_view() -> None:
@@ -164,5 +164,5 @@ def test_match_features_lie_in_each_view() -> None:
 
 def test_no_covered_cell_still_gives_finite_matches() -> None:
     matches = Matcher(4, 2).match(randn(2, 3, 2), randn(2, 4, 2), randn(2, 4, 3), torch.zeros(2, 4), torch.ones(2, 3))
-    for value in (matches.log_probabilities, matches.points, matches.spread, matches.likeness):
+    for value in (matches.log_probabilities, matches.points, matches.spread, matches.similarity):
         assert value.isfinite().all()

@@ -9,7 +9,12 @@ import torch
 from simpick.errors import ConfigError
 from simpick.estimators.raypose.network import losses
 from simpick.estimators.raypose.network.losses import LossWeights
-from simpick.estimators.raypose.network.pose_maps import canonical_rays, decode_pose_maps, encode_pose_maps, encode_rotation
+from simpick.estimators.raypose.network.pose_maps import (
+    canonical_rays,
+    decode_pose_maps,
+    encode_pose_maps,
+    encode_rotation,
+)
 from simpick.geometry.torch_rotations import random_rotations, so3_exp
 from tests.estimators.raypose.networks import random_views
 
@@ -75,7 +80,7 @@ def test_translation_xyz_is_the_relative_error_of_the_decoded_position() -> None
     half_tangent = torch.full((7,), 0.08)
     decoded = decode_pose_maps(maps, reference, 1.2).pose(half_tangent)[:, :3, 3]
     true = query.pose(half_tangent)[:, :3, 3]
-    scale = torch.stack([query.reach_m, query.reach_m, true[:, 2]], dim=-1)
+    scale = torch.stack([query.half_extent_at_depth_m, query.half_extent_at_depth_m, true[:, 2]], dim=-1)
     expected = ((decoded - true).abs() / scale).sum(dim=-1).mean()
     assert losses.translation_xyz(maps[..., 3:], query, reference, 1.2).item() == pytest.approx(
         expected.item(), rel=1e-4

@@ -5,11 +5,11 @@ import dataclasses
 import pytest
 import torch
 
+from simpick.estimators.raypose.diffusion.schedule import make_schedule
 from simpick.estimators.raypose.network.consensus import agreement, combine_views
-from simpick.estimators.raypose.sample_views import sample_views
 from simpick.estimators.raypose.network.model import RayPose, halved_geometry
 from simpick.estimators.raypose.network.pose_maps import ViewPoses
-from simpick.estimators.raypose.diffusion.schedule import make_schedule
+from simpick.estimators.raypose.sample_views import sample_views
 from simpick.geometry.torch_rotations import project_to_so3, random_rotations, so3_exp
 from tests.estimators.raypose.networks import (
     TINY,
@@ -83,7 +83,7 @@ def test_a_new_network_answers_with_the_templates_poses() -> None:
         )
     torch.testing.assert_close(views.R, templates.poses.R, atol=1e-5, rtol=0)
     torch.testing.assert_close(views.centre, torch.zeros(2, 3, 2), atol=1e-6, rtol=0)
-    torch.testing.assert_close(views.reach_m, templates.poses.reach_m)
+    torch.testing.assert_close(views.half_extent_at_depth_m, templates.poses.half_extent_at_depth_m)
 
 
 def test_keys_and_values_are_computed_once_for_all_steps() -> None:
@@ -151,7 +151,7 @@ def test_absolute_poses_are_relative_to_the_same_view_for_all_templates() -> Non
         relative = condition(awake(), random_query(2), templates).reference
     torch.testing.assert_close(reference.R, torch.eye(3).expand(2, 3, 3, 3))
     torch.testing.assert_close(reference.centre, torch.zeros(2, 3, 2))
-    torch.testing.assert_close(reference.reach_m, templates.diameter_m[:, None].expand(2, 3))
+    torch.testing.assert_close(reference.half_extent_at_depth_m, templates.diameter_m[:, None].expand(2, 3))
     assert relative is templates.poses
 
 
@@ -188,7 +188,7 @@ def test_sampled_poses_are_deterministic_and_independent_of_the_batch() -> None:
     first = run(every)
     assert torch.equal(first.R, run(every).R)
     torch.testing.assert_close(run(ONE).R, first.R[ONE], atol=1e-4, rtol=0)
-    torch.testing.assert_close(run(ONE).reach_m, first.reach_m[ONE], rtol=1e-4, atol=0)
+    torch.testing.assert_close(run(ONE).half_extent_at_depth_m, first.half_extent_at_depth_m[ONE], rtol=1e-4, atol=0)
     assert (run(every, seed=1).R - first.R).abs().max() > 1e-5
     torch.testing.assert_close(torch.linalg.det(first.R), torch.ones(3, 3))
 
@@ -205,7 +205,7 @@ def test_views_are_combined_without_the_ones_that_disagree() -> None:
     pose = combine_views(ViewPoses(R, centre, reach))
     torch.testing.assert_close(pose.R, project_to_so3(near.mean(dim=1)), atol=5e-3, rtol=0)
     torch.testing.assert_close(pose.centre, torch.zeros(2, 2), atol=5e-3, rtol=0)
-    torch.testing.assert_close(pose.reach_m, torch.full((2,), 0.03), atol=0, rtol=0.02)
+    torch.testing.assert_close(pose.half_extent_at_depth_m, torch.full((2,), 0.03), atol=0, rtol=0.02)
     only = ViewPoses(R[:, :1], centre[:, :1], reach[:, :1])
     torch.testing.assert_close(combine_views(only).R, R[:, 0])
 

@@ -32,7 +32,7 @@ def test_decoding_gives_back_the_pose(cells: int, padding: float) -> None:
     decoded = decode_pose_maps(maps, reference, padding)
     torch.testing.assert_close(decoded.R, query.R, atol=1e-12, rtol=0)
     torch.testing.assert_close(decoded.centre, query.centre, atol=1e-12, rtol=0)
-    torch.testing.assert_close(decoded.reach_m, query.reach_m, atol=0, rtol=1e-12)
+    torch.testing.assert_close(decoded.half_extent_at_depth_m, query.half_extent_at_depth_m, atol=0, rtol=1e-12)
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, math.pi - 1e-9, math.pi])
@@ -55,7 +55,7 @@ def test_a_view_gives_back_its_pose_and_projects_the_origin() -> None:
     focal = 50 / half_tangent
     pixels = focal[:, None] * T[:, :2, 3] / T[:, 2:3, 3] + 50
     torch.testing.assert_close(50 + 50 * view.centre, pixels)
-    torch.testing.assert_close(view.reach_m, T[:, 2, 3] * 50 / focal)
+    torch.testing.assert_close(view.half_extent_at_depth_m, T[:, 2, 3] * 50 / focal)
 
 
 def test_one_query_is_told_relative_to_many_references() -> None:
@@ -97,7 +97,7 @@ def test_decoding_is_differentiable() -> None:
 
     def decode(m: torch.Tensor) -> tuple[torch.Tensor, ...]:
         views = decode_pose_maps(m, reference, 1.2)
-        return views.R, views.centre, views.reach_m
+        return views.R, views.centre, views.half_extent_at_depth_m
 
     assert torch.autograd.gradcheck(decode, (maps,))
 
@@ -120,7 +120,7 @@ def test_noise_is_averaged_away_by_the_cells() -> None:
         noisy = decode_pose_maps(maps + 0.3 * torch.randn(maps.shape, generator=g, dtype=torch.float64), reference, 1.2)
         turned = rotation_angle(noisy.R @ query.R.mT).square().mean().sqrt()
         moved = (noisy.centre - query.centre).square().mean().sqrt()
-        scaled = (noisy.reach_m / query.reach_m).log().square().mean().sqrt()
+        scaled = (noisy.half_extent_at_depth_m / query.half_extent_at_depth_m).log().square().mean().sqrt()
         errors[cells] = torch.stack([turned, moved, scaled])
     # Means over p^2 cells: twice the side, half the error.
     for few, many in ((3, 6), (6, 12)):
