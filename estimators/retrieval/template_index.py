@@ -75,7 +75,8 @@ class TemplateIndex:
         """Return the `count` best templates for each query, no two closer than `spacing_rad` over the symmetries.
 
         Poses are averages over the templates within `smoothing_rad` of each match, weighted by
-        ``exp(score / softness)``: similarity falls off evenly around the true view, which mostly lies between templates.
+        ``exp(score / softness)``: similarity falls off evenly around the true view, which mostly lies
+        between templates.
         """
         scores = (queries @ self.descriptors.T).numpy()
         templates = self._spread(scores, count, spacing_rad)

@@ -129,7 +129,8 @@ class ResultStore:
             unexpected_files = sorted(f.name for f in self.folder.iterdir())
             if unexpected_files and not unexpected_files_allowed:
                 raise OutputError(
-                    f"{self.folder} must be empty or hold results of simpick, it holds {', '.join(unexpected_files[:5])}. "
+                    f"{self.folder} must be empty or hold results of simpick, it holds "
+                    f"{', '.join(unexpected_files[:5])}. "
                     "Choose another folder with --out"
                 )
             atomic_write_text(config_file, json.dumps(self.config, indent=2) + "\n")
