@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
-from simpick.assets.part import Part
 from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
+
+if TYPE_CHECKING:
+    # Loads trimesh, which the names of estimators must not.
+    from simpick.assets.part import Part
 
 
 @runtime_checkable

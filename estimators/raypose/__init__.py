@@ -4,7 +4,7 @@ from simpick.estimators.raypose.checkpoints import load_checkpoint as load_check
 from simpick.estimators.raypose.checkpoints import save_checkpoint as save_checkpoint
 from simpick.estimators.raypose.estimator import RayPoseEstimator as RayPoseEstimator
 from simpick.estimators.raypose.estimator import RayPoseEstimatorConfig as RayPoseEstimatorConfig
-from simpick.estimators.raypose.estimator import load_estimator as load_estimator
+from simpick.estimators.raypose.estimator import load_raypose as load_raypose
 from simpick.estimators.raypose.network.config import PRESETS as PRESETS
 from simpick.estimators.raypose.network.config import RayPoseConfig as RayPoseConfig
 from simpick.estimators.raypose.network.model import RayPose as RayPose

@@ -279,14 +279,14 @@ class _Guesses:
         return _Guesses(self.rows[kept], self.crops[kept], self.Ts_camera_part[kept], self.scores[kept])
 
 
-def load_estimator(
+def load_raypose(
     mode: Literal["coarse", "fine"],
     config: RayPoseEstimatorConfig | None = None,
     *,
     weights: Path | None = None,
     start: PoseEstimator | None = None,
 ) -> RayPoseEstimator:
-    """Return the estimator of a mode, with the shipped weights or with those of a file.
+    """Return RayPose in one of its modes, with the shipped weights or with those of a file.
 
     `fine` starts from `start`, or from retrieval: see the weights' card for why. `coarse` takes the weights of either.
 

@@ -45,7 +45,7 @@ class Yardstick:
 
         from simpick.assets.library import get_part
         from simpick.errors import ConfigError
-        from simpick.experiments.perceptions import PoseBudget
+        from simpick.estimators.registry import PoseBudget
         from simpick.pose_eval.benchmark_bins import benchmark_bins
         from simpick.pose_eval.benchmark_gains import gains, gains_table
         from simpick.pose_eval.benchmark_report import (

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 
 from simpick.errors import ConfigError, SimpickError
+from simpick.estimators.registry import ORACLE, EstimatorName, estimator_names, load_estimator
 
-ORACLE, ORACLE_NOISE = "oracle", "oracle_noise"
+ORACLE_NOISE = "oracle_noise"
 CLOSER = "+closer"
 """Behind a mode's name: with a second look through the wrist camera."""
 
@@ -26,8 +26,7 @@ class Mode:
     """Whether the wrist camera looks again before the gripper descends."""
 
     def __str__(self) -> str:
-        name = self.name if self.hypotheses is None else f"{self.name}@{self.hypotheses}"
-        return name + CLOSER if self.look_closer else name
+        return f"{EstimatorName(self.name, self.hypotheses)}{CLOSER if self.look_closer else ''}"
 
     @property
     def knows_truth(self) -> bool:
@@ -41,16 +40,10 @@ def parse_mode(text: str) -> Mode:
     Raises:
         ConfigError: it is not written so, or the oracle is asked for hypotheses.
     """
-    match = re.fullmatch(r"([^@+\s]+)(?:@([1-9][0-9]*))?(\+closer)?", text)
-    if match is None:
-        raise ConfigError(
-            "a mode must be written NAME or NAME@K with K hypotheses, 1 or more, such as retrieval@8, and may end in "
-            f"+closer; got {text!r}"
-        )
-    mode = Mode(match[1], None if match[2] is None else int(match[2]), match[3] is not None)
-    if mode.knows_truth and mode.hypotheses is not None:
-        raise ConfigError(f"{mode.name} knows one pose and makes no hypotheses, got {text!r}; leave out @{match[2]}")
-    return mode
+    estimator = EstimatorName.parse(text.removesuffix(CLOSER))
+    if estimator.name == ORACLE_NOISE and estimator.hypotheses is not None:
+        raise ConfigError(f"{ORACLE_NOISE} makes no hypotheses, got {text!r}; leave out @{estimator.hypotheses}")
+    return Mode(estimator.name, estimator.hypotheses, text.endswith(CLOSER))
 
 
 def check_modes(texts: Sequence[str]) -> None:
@@ -59,9 +52,6 @@ def check_modes(texts: Sequence[str]) -> None:
     Raises:
         ConfigError: modes are missing, misspelt, named twice, unknown, or cannot be made, for want of weights say.
     """
-    # Only here, because it loads torch and MuJoCo.
-    from simpick.experiments.perceptions import estimator_names, make_estimator
-
     problems = [] if texts else ["name one mode or more, such as: simpick compare oracle retrieval"]
     valid = sorted({*estimator_names(), ORACLE_NOISE})
     seen: set[Mode] = set()
@@ -75,7 +65,7 @@ def check_modes(texts: Sequence[str]) -> None:
                 hint = f". Did you mean {alike[0]!r}?" if alike else ""
                 problems.append(f"no mode named {mode.name!r}. Valid: {', '.join(valid)}{hint}")
             elif not mode.knows_truth:
-                make_estimator(mode.name, mode.hypotheses)
+                load_estimator(mode.name, hypotheses=mode.hypotheses)
             seen.add(mode)
         except SimpickError as error:
             problems.append(str(error))

@@ -8,7 +8,7 @@ from typing import Any
 
 from simpick.assets.library import get_part, library_part_names
 from simpick.caching import cache_key
-from simpick.experiments.mode_files import mode_data
+from simpick.estimators.registry import ORACLE, find_estimator
 from simpick.experiments.provenance_changes import GRASPS, MODE_DATA, PART_CONTENT, VERSIONS
 from simpick.experiments.run_config import CellConfig, RunConfig
 from simpick.grasping.store import recipe, shipped_path
@@ -32,7 +32,9 @@ def run_identity(config: CellConfig, runs: Iterable[RunConfig]) -> dict[str, Any
     grasps = cache_key(1, recipe(config.gripper), *(f.read_bytes() for f in stored if f.is_file()))
     identity = config.to_json() | {
         VERSIONS: {name: version(name) for name in _PACKAGES},
-        MODE_DATA: {run.mode: mode_data(run) for run in runs},
+        MODE_DATA: {
+            run.mode: {} if run.perception == ORACLE else find_estimator(run.perception).data() for run in runs
+        },
         GRASPS: grasps,
     }
     return identity | ({PART_CONTENT: own} if own else {})

@@ -15,7 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from simpick.assets.library import get_part
 from simpick.errors import ConfigError
-from simpick.experiments.perceptions import PoseBudget
+from simpick.estimators.registry import PoseBudget
 from simpick.metrics.scores import average_recalls
 from simpick.metrics.summaries import PoseSummary
 from simpick.pose_eval.benchmark_bins import BenchmarkBin, benchmark_bins, fingerprint, load_view, view_path
@@ -157,7 +157,7 @@ def run_pose_benchmark(
     Raises:
         UnknownNameError: no estimator or no preset of detections has this name.
         ConfigError: no preset is given, there are not so many bins, `workers` is not positive, or the estimator does
-            not take a number of hypotheses or an budget.
+            not take a number of hypotheses or a budget.
     """
     chosen = benchmark_bins(bins)
     if not noises:

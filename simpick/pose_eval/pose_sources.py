@@ -10,8 +10,7 @@ from simpick.assets.part import Part
 from simpick.errors import ConfigError
 from simpick.estimators.base import PoseEstimator
 from simpick.estimators.oracle import OracleEstimator
-from simpick.experiments.modes import CLOSER, ORACLE, parse_mode
-from simpick.experiments.perceptions import PoseBudget, make_estimator
+from simpick.estimators.registry import ORACLE, EstimatorName, PoseBudget, load_estimator
 from simpick.pose_eval.pose_images import PoseImage
 from simpick.records import InstanceTruth, PoseEstimate
 
@@ -87,12 +86,9 @@ def make_source(
 
     Raises:
         UnknownNameError: no estimator has this name.
-        ConfigError: it is neither NAME nor NAME@K, or a number of hypotheses or an budget that the estimator does not
+        ConfigError: it is neither NAME nor NAME@K, or a number of hypotheses or a budget that the estimator does not
             take; the oracle ignores both.
     """
-    mode = parse_mode(name)
-    if mode.look_closer:
-        raise ConfigError(f"a closer look needs an arm that picks; leave out {CLOSER} of {name!r}")
-    if mode.name == ORACLE:
+    if EstimatorName.parse(name).name == ORACLE:
         return OracleSource()
-    return EstimatorSource(make_estimator(mode.name, mode.hypotheses or hypotheses, budget), part_of)
+    return EstimatorSource(load_estimator(name, hypotheses=hypotheses, budget=budget), part_of)

@@ -15,7 +15,8 @@ import pytest
 
 from simpick.cli.main import main
 from simpick.errors import OutputError, SimpickError
-from simpick.experiments import comparison, perceptions, result_store
+from simpick.estimators import registry
+from simpick.experiments import comparison, result_store
 from simpick.experiments.result_store import read_results
 
 pytestmark = pytest.mark.render
@@ -95,10 +96,10 @@ def test_more_bins_and_modes_go_on(whole: Path, tmp_path: Path, capsys) -> None:
 
 
 def test_wrong_modes_are_told_all_at_once(tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch) -> None:
-    def without_weights(hypotheses: int | None):
+    def without_weights(hypotheses, budget):
         raise SimpickError("the weights of 'bare' are missing: train them with simpick train")
 
-    monkeypatch.setitem(perceptions.SHIPPED, "bare", without_weights)
+    monkeypatch.setitem(registry.SHIPPED, "bare", registry.EstimatorSpec(without_weights))
     out = tmp_path / "out"
     modes = ("oracle", "telepathy", "oracle", "retrievel", "retrieval@0", "oracle@4", "bare")
     assert main(["compare", *modes, "--out", str(out)]) == 2
@@ -107,8 +108,8 @@ def test_wrong_modes_are_told_all_at_once(tmp_path: Path, capsys, monkeypatch: p
         "no mode named 'telepathy'. Valid: bare, coarse, fine, oracle, oracle_noise, refined, retrieval",
         "'oracle' is named twice",
         "Did you mean 'retrieval'?",
-        "a mode must be written NAME or NAME@K with K hypotheses, 1 or more, such as retrieval@8, and may end in "
-        "+closer; got 'retrieval@0'",
+        "an estimator must be written NAME or NAME@K with K hypotheses, 1 or more, such as retrieval@8; got "
+        "'retrieval@0'",
         "oracle knows one pose and makes no hypotheses, got 'oracle@4'; leave out @4",
         "the weights of 'bare' are missing: train them with simpick train",
     ):

@@ -1,11 +1,9 @@
 """Perception by name."""
 
 import numpy as np
-import pytest
 
 from simpick.envs.bin_pick import BinPickEnv
-from simpick.errors import UnknownNameError
-from simpick.experiments.perceptions import estimator_names, make_estimator, make_perception
+from simpick.experiments.perceptions import make_perception
 from simpick.experiments.run_config import RunConfig
 
 
@@ -21,10 +19,3 @@ def test_oracles_are_not_shared_because_their_noise_is_an_episodes_own() -> None
     env = BinPickEnv(count=1)
     first, second = (make_perception(RunConfig(), env, np.random.default_rng(seed)) for seed in (0, 1))
     assert first.estimator is not second.estimator
-
-
-def test_an_unknown_name_lists_what_exists() -> None:
-    assert {"oracle", "retrieval"} <= set(estimator_names())
-    expected = r"no perception named 'telepathy'\. Valid: coarse, fine, oracle, refined, retrieval"
-    with pytest.raises(UnknownNameError, match=expected):
-        make_estimator("telepathy")

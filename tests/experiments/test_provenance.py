@@ -6,9 +6,10 @@ from pathlib import Path
 import pytest
 
 from simpick.errors import OutputError
-from simpick.experiments import mode_files
+from simpick.estimators.raypose import checkpoints
+from simpick.estimators.refiner import confidence
+from simpick.estimators.registry import SHIPPED
 from simpick.experiments.compare_config import CompareConfig
-from simpick.experiments.perceptions import SHIPPED
 from simpick.experiments.provenance import run_identity
 from simpick.experiments.provenance_changes import changes
 from simpick.experiments.result_store import EpisodeResult, ResultStore
@@ -22,8 +23,8 @@ def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder = tmp_path / "shipped"
     folder.mkdir()
     (folder / "raypose.safetensors").write_bytes(b"trained")
-    monkeypatch.setattr(mode_files, "shipped_checkpoint", lambda: folder / "raypose.safetensors")
-    monkeypatch.setattr(mode_files, "CONFIDENCE_FILE", folder / "confidence.json")
+    monkeypatch.setattr(checkpoints, "shipped_checkpoint", lambda: folder / "raypose.safetensors")
+    monkeypatch.setattr(confidence, "SHIPPED_FILE", folder / "confidence.json")
     return folder
 
 
@@ -32,13 +33,10 @@ def identity(*modes: str) -> dict:
     return run_identity(config, [RunConfig(parts=config.parts, perception=mode) for mode in modes])
 
 
-def test_every_shipped_perception_names_its_files() -> None:
-    assert mode_files.FILES_OF_PERCEPTION.keys() == {"oracle", *SHIPPED}
-
-
 def test_weights_that_ship_are_among_them() -> None:
-    assert mode_files.mode_data(RunConfig(perception="fine")).keys() == {"raypose.safetensors"}
-    assert mode_files.mode_data(RunConfig()) == {}
+    assert SHIPPED["fine"].data().keys() == {"raypose.safetensors"}
+    assert SHIPPED["refined"].data().keys() == {"raypose.safetensors", "confidence.json"}
+    assert identity("oracle")["mode_data"] == {"oracle": {}}
 
 
 def test_other_weights_are_refused_and_results_stay(shipped: Path, tmp_path: Path) -> None:

@@ -189,11 +189,14 @@ def test_figures_are_not_written_over_anything_by_accident(tmp_path: Path, capsy
         (("oracle", "--bins", "51"), "bins of the yardstick must be between 1 and 50, got 51"),
         (("oracle", "--workers", "0"), "workers must be 1 or more, got 0"),
         (("oracle", "--noise", "wild"), "wild"),
-        (("retrieval", "--iterations", "2"), "iterations and steps are of coarse and fine; 'retrieval' has none"),
-        (("retrieval", "--steps", "2"), "iterations and steps are of coarse and fine; 'retrieval' has none"),
+        (
+            ("retrieval", "--iterations", "2"),
+            "iterations and steps are options of coarse and fine; 'retrieval' has none",
+        ),
+        (("retrieval", "--steps", "2"), "iterations and steps are options of coarse and fine; 'retrieval' has none"),
         (("fine", "--steps", "0"), "steps must be 1 or more, got 0"),
         (("fine", "--iterations", "0"), "a fine network needs 1 iteration or more, got 0"),
-        (("retrieval@none",), "a mode must be written NAME or NAME@K with K hypotheses"),
+        (("retrieval@none",), "an estimator must be written NAME or NAME@K with K hypotheses"),
     ],
 )
 def test_bad_input_is_refused_before_anything_is_made(arguments, text, tmp_path: Path, capsys) -> None:

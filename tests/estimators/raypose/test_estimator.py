@@ -14,7 +14,7 @@ from simpick.estimators.raypose import (
     RayPose,
     RayPoseEstimator,
     RayPoseEstimatorConfig,
-    load_estimator,
+    load_raypose,
     save_checkpoint,
     template_bank,
 )
@@ -71,7 +71,7 @@ def test_a_fine_predictor_comes_closer_than_where_it_starts(crank):
     rng = np.random.default_rng(0)
     before, after, depth = [], [], []
     for frame, detection, T in pictures(crank, 8, seed=3):
-        estimator = load_estimator("fine", start=Start([off(T, 15.0, rng)]))
+        estimator = load_raypose("fine", start=Start([off(T, 15.0, rng)]))
         estimator.onboard(crank)
         (estimate,) = estimator.estimate(frame, [detection])
         assert estimate.detection is detection and estimate.mode == "fine" and 0 <= estimate.score <= 1
@@ -86,7 +86,7 @@ def test_a_coarse_predictor_comes_closer_with_templates_around_its_own_estimates
     errors = {}
     seen = list(pictures(crank, 8, seed=3))
     for iterations in (0, 2):
-        estimator = load_estimator("coarse", RayPoseEstimatorConfig(iterations=iterations))
+        estimator = load_raypose("coarse", RayPoseEstimatorConfig(iterations=iterations))
         estimator.onboard(crank)
         errors[iterations] = [
             np.degrees(crank.symmetries.rotation_distance(estimate.T_camera_part[:3, :3], T[:3, :3]))
@@ -204,7 +204,7 @@ def test_a_network_is_coarse_without_a_start_and_fine_with_one():
 def test_weights_of_the_other_mode_are_refused(tmp_path):
     save_checkpoint(tmp_path / "coarse.safetensors", tiny(COARSE), {})
     with pytest.raises(CheckpointError, match="must hold a fine network, got one with templates within 180 degrees"):
-        load_estimator("fine", weights=tmp_path / "coarse.safetensors")
+        load_raypose("fine", weights=tmp_path / "coarse.safetensors")
 
 
 def test_settings_out_of_range_are_refused():

@@ -12,7 +12,7 @@ from simpick.estimators import PoseEstimator
 from simpick.estimators.refiner import RefinedEstimator, read_confidence
 from simpick.estimators.refiner.confidence import Confidence
 from simpick.estimators.refiner.flipped_starts import with_flips
-from simpick.experiments.perceptions import make_estimator
+from simpick.estimators.registry import load_estimator
 from simpick.records import PoseEstimate, PoseHypothesis
 from tests.estimators.refiner.scenes import T_TRUE, frame_of, start
 
@@ -93,6 +93,6 @@ def test_flips_keep_the_box_in_place_and_leave_out_symmetric_ones():
 
 def test_the_shipped_modes_say_probabilities(monkeypatch):
     monkeypatch.setattr("simpick.estimators.refiner.RefinedEstimator", Mock())
-    make_estimator("retrieval_refined")
+    load_estimator("retrieval_refined")
     make = simpick.estimators.refiner.RefinedEstimator
     assert make.call_args.kwargs == {"mode": "retrieval_refined", "confidence": read_confidence()}

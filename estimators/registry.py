@@ -1,0 +1,184 @@
+"""Pose estimators by name: one row for each that ships, and those that other packages register as entry points."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import Literal
+
+from simpick.errors import ConfigError, UnknownNameError
+from simpick.estimators.base import PoseEstimator
+
+ENTRY_POINT_GROUP = "simpick.estimators"
+"""Where another package registers its estimator: a callable without arguments that returns a `PoseEstimator`."""
+ORACLE = "oracle"
+"""The name of the true poses. Whoever holds the truth makes this estimator: an environment or an annotated data set."""
+
+
+@dataclass(frozen=True)
+class PoseBudget:
+    """How much work ``coarse`` and ``fine`` do; None stands for the estimator's default."""
+
+    iterations: int | None = None
+    """How many times templates are chosen around the estimator's own answer."""
+    steps: int | None = None
+    """Denoising steps per answer."""
+
+    def __post_init__(self) -> None:
+        if self.steps is not None and self.steps < 1:
+            raise ConfigError(f"steps must be 1 or more, got {self.steps}")
+
+
+@dataclass(frozen=True)
+class EstimatorName:
+    """An estimator's name and the number of hypotheses asked of it, written ``NAME`` or ``NAME@K``."""
+
+    name: str
+    hypotheses: int | None = None
+    """None stands for the estimator's default."""
+
+    def __str__(self) -> str:
+        return self.name if self.hypotheses is None else f"{self.name}@{self.hypotheses}"
+
+    @staticmethod
+    def parse(text: str) -> EstimatorName:
+        """Return the parsed name; whether such an estimator exists is not checked.
+
+        Raises:
+            ConfigError: the text is not NAME or NAME@K, or it asks the oracle for hypotheses.
+        """
+        match = re.fullmatch(r"([^@+\s]+)(?:@([1-9][0-9]*))?", text)
+        if match is None:
+            raise ConfigError(
+                "an estimator must be written NAME or NAME@K with K hypotheses, 1 or more, such as retrieval@8; "
+                f"got {text!r}"
+            )
+        if match[1] == ORACLE and match[2]:
+            raise ConfigError(f"{ORACLE} knows one pose and makes no hypotheses, got {text!r}; leave out @{match[2]}")
+        return EstimatorName(match[1], None if match[2] is None else int(match[2]))
+
+
+@dataclass(frozen=True)
+class EstimatorSpec:
+    """How an estimator is made, and what its answers depend on."""
+
+    make: Callable[[int | None, PoseBudget], PoseEstimator]
+    """Takes the number of hypotheses, None for the default. Imports heavy libraries itself."""
+    files: tuple[Callable[[], Path], ...] = ()
+    """Weights and fitted data that the answers depend on."""
+    takes_hypotheses: bool = True
+    takes_budget: bool = False
+    package: str | None = None
+    """Name of the package that registered it; None for an estimator that ships with simpick."""
+    package_version: str = ""
+
+    def data(self) -> dict[str, str]:
+        """Return a hash of each file that exists, by its name; for another package's estimator, that package's version.
+
+        Raises:
+            CheckpointError: the estimator needs weights, and this installation has none.
+        """
+        if self.package is not None:
+            return {f"package {self.package}": self.package_version}
+        found = [file for file in (locate() for locate in self.files) if file.is_file()]
+        return {file.name: hashlib.sha256(file.read_bytes()).hexdigest()[:16] for file in found}
+
+
+def _retrieval(hypotheses: int | None, budget: PoseBudget) -> PoseEstimator:
+    from simpick.estimators.retrieval import RetrievalConfig, RetrievalEstimator
+
+    return RetrievalEstimator(None if hypotheses is None else RetrievalConfig(hypotheses=hypotheses))
+
+
+def _raypose(mode: Literal["coarse", "fine"], hypotheses: int | None, budget: PoseBudget) -> PoseEstimator:
+    from simpick.estimators.raypose import RayPoseEstimatorConfig, load_raypose
+
+    asked = {"hypotheses": hypotheses, "iterations": budget.iterations, "steps": budget.steps}
+    config = RayPoseEstimatorConfig(**{name: value for name, value in asked.items() if value is not None})
+    return load_raypose(mode, config)
+
+
+def _refined(
+    mode: str, make_base: Callable[[int | None, PoseBudget], PoseEstimator], hypotheses: int | None, budget: PoseBudget
+) -> PoseEstimator:
+    from simpick.estimators.refiner import RefinedEstimator, read_confidence
+
+    return RefinedEstimator(make_base(hypotheses, budget), mode=mode, confidence=read_confidence())
+
+
+def _weights() -> Path:
+    from simpick.estimators.raypose.checkpoints import shipped_checkpoint
+
+    return shipped_checkpoint()
+
+
+def _confidence() -> Path:
+    from simpick.estimators.refiner.confidence import SHIPPED_FILE
+
+    return SHIPPED_FILE
+
+
+SHIPPED: dict[str, EstimatorSpec] = {
+    "retrieval": EstimatorSpec(_retrieval),
+    "retrieval_refined": EstimatorSpec(partial(_refined, "retrieval_refined", _retrieval), (_confidence,)),
+    "coarse": EstimatorSpec(partial(_raypose, "coarse"), (_weights,), takes_budget=True),
+    "fine": EstimatorSpec(partial(_raypose, "fine"), (_weights,), takes_budget=True),
+    "refined": EstimatorSpec(partial(_refined, "refined", partial(_raypose, "fine")), (_weights, _confidence)),
+}
+"""The estimators that ship with simpick and work from images alone, by name."""
+
+
+def estimator_names() -> list[str]:
+    """Return every name that a pose estimator can be asked for by, the oracle's included."""
+    return [ORACLE, *SHIPPED, *(entry.name for entry in entry_points(group=ENTRY_POINT_GROUP))]
+
+
+def find_estimator(name: str) -> EstimatorSpec:
+    """Return the row of an estimator that works from images alone.
+
+    Raises:
+        UnknownNameError: no estimator has this name; the message lists those that exist.
+    """
+    if name in SHIPPED:
+        return SHIPPED[name]
+    for entry in entry_points(group=ENTRY_POINT_GROUP):
+        if entry.name == name:
+            return _spec_of(entry)
+    raise UnknownNameError(
+        "perception", name, estimator_names(), f"Other packages add theirs as entry points of {ENTRY_POINT_GROUP!r}."
+    )
+
+
+def load_estimator(name: str, *, hypotheses: int | None = None, budget: PoseBudget | None = None) -> PoseEstimator:
+    """Return the pose estimator called ``NAME`` or ``NAME@K``; it works from images alone.
+
+    `hypotheses` says the same as K, which takes precedence. None stands for the estimator's defaults.
+
+    Raises:
+        UnknownNameError: no estimator has this name; the message lists those that exist.
+        ConfigError: the name is malformed, or the estimator takes no number of hypotheses or no budget.
+        CheckpointError: the estimator's weights are missing.
+    """
+    parsed = EstimatorName.parse(name)
+    spec = find_estimator(parsed.name)
+    hypotheses, budget = parsed.hypotheses or hypotheses, budget or PoseBudget()
+    if hypotheses is not None and not spec.takes_hypotheses:
+        raise ConfigError(f"{name!r} comes from another package, which decides how many hypotheses it makes")
+    if budget != PoseBudget() and not spec.takes_budget:
+        raise ConfigError(f"iterations and steps are options of coarse and fine; {name!r} has none. Leave them out")
+    return spec.make(hypotheses, budget)
+
+
+def _spec_of(entry: EntryPoint) -> EstimatorSpec:
+    dist = entry.dist
+    return EstimatorSpec(
+        lambda hypotheses, budget: entry.load()(),
+        takes_hypotheses=False,
+        package=None if dist is None else dist.name,
+        package_version="" if dist is None else dist.version,
+    )
