@@ -1,1 +1,5 @@
 """Gymnasium environments; ids are registered by ``import simpick``."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,12 +1,27 @@
 """simpick: a wind tunnel for robotic bin picking.
 
-Importing this package loads neither torch nor mujoco nor rerun: it only registers the gymnasium environments, by
-string, so that ``gymnasium.make("simpick:simpick/BinPick-v0")`` works.
+Public names, each loaded with its libraries on first use:
+
+===================  ==================================================================================================
+`BinPickEnv`         a bin of parts to be picked empty: the gymnasium environment ``simpick/BinPick-v0``
+`get_part`           a library part, one that you added, or a mesh file, as a `simpick.assets.Part`
+`load_estimator`     a pose estimator by name: ``load_estimator("refined")``
+`Perception`         a detector and a pose estimator, which together find parts in an image
+`PickPolicy`         perception, the choice of a grasp, and memory of failures: from an observation to an action
+`run_episode`        let a policy pick one bin empty; returns every attempt with its outcome and cause
+`compare`            let several perception modes pick the same bins; returns paired statistics
+===================  ==================================================================================================
+
+Importing this package registers the gymnasium environments, by string, and loads neither torch nor MuJoCo nor rerun.
+Whatever else is public stands one level below: `simpick.assets`, `simpick.estimators`, `simpick.policies` and so on.
 """
 
+import lazy_loader
 from gymnasium.envs.registration import register as _register
 
 __version__ = "0.1.0"
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 _register(
     id="simpick/BinPick-v0",

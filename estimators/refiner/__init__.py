@@ -1,7 +1,5 @@
 """The refiner: render and compare, without training."""
 
-from simpick.estimators.refiner.confidence import read_confidence as read_confidence
-from simpick.estimators.refiner.config import AlignmentLevel as AlignmentLevel
-from simpick.estimators.refiner.config import RefinerConfig as RefinerConfig
-from simpick.estimators.refiner.refined_estimator import RefinedEstimator as RefinedEstimator
-from simpick.estimators.refiner.refiner import Refiner as Refiner
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,4 +1,5 @@
 """The training-free baseline: retrieve the nearest template."""
 
-from simpick.estimators.retrieval.retrieval import RetrievalConfig as RetrievalConfig
-from simpick.estimators.retrieval.retrieval import RetrievalEstimator as RetrievalEstimator
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -88,3 +88,22 @@ class Comparison:
         """Return the recording of an episode; None if it was run without."""
         file = recording_file(self.store.folder, self.runs[result.mode], result.episode)
         return file if file.exists() else None
+
+
+def compare(
+    config: CompareConfig, folder: Path | str, *, record: bool = False, workers: int = 1, overwrite: bool = False
+) -> Comparison:
+    """Let perception modes pick the same bins and return the comparison: what ``simpick compare`` does.
+
+    Results are kept in `folder` after each episode; the same call resumes where it was stopped, and may ask for more
+    modes or episodes. With `record`, each episode is written there as a rerun recording; `overwrite` replaces results.
+
+    >>> comparison = compare(CompareConfig(modes=("oracle", "refined"), parts=("crane_hook",)), "logs/compare")
+    >>> comparison.statistics()  # grasp success, clearance, picks per hour and paired differences, with intervals
+
+    Raises:
+        SimpickError: a mode, part or setting is wrong, `folder` holds something else, or a worker process died.
+    """
+    comparison = Comparison.open(config, Path(folder), overwrite=overwrite)
+    comparison.run(record=record, workers=workers)
+    return comparison

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -67,7 +68,7 @@ def make_policy(config: RunConfig, env: BinPickEnv, seed: int) -> PickPolicy:
     return PickPolicy(perception, env.parts, env.scene_config, look_closer=refiner)
 
 
-def run_episode(
+def run_configured_episode(
     config: RunConfig,
     episode: int,
     *,
@@ -81,63 +82,95 @@ def run_episode(
     """
     own_env = env is None
     env = make_env(config) if env is None else env
-    recorder = NullRecorder() if recorder is None else recorder
+    seed = config.seed + episode
     try:
-        return _run_episode(config, episode, env, recorder, on_pick or (lambda pick: None))
+        return run_episode(
+            env,
+            make_policy(config, env, seed),
+            seed,
+            episode=episode,
+            mode=config.mode,
+            settings=config.to_json(),
+            recorder=recorder,
+            on_pick=on_pick,
+        )
     finally:
-        env.on_tick = env.on_stage = env.on_look = None
         if own_env:
             env.close()
 
 
-def _run_episode(
-    config: RunConfig, episode: int, env: BinPickEnv, recorder: Recorder, on_pick: Callable[[PickRecord], None]
+def run_episode(
+    env: BinPickEnv,
+    policy: PickPolicy,
+    seed: int = 0,
+    *,
+    episode: int = 0,
+    mode: str | None = None,
+    settings: Mapping[str, Any] | None = None,
+    recorder: Recorder | None = None,
+    on_pick: Callable[[PickRecord], None] | None = None,
 ) -> EpisodeResult:
+    """Let `policy` pick the bin of this seed until the episode ends, and return every attempt.
+
+    Each `PickRecord` holds outcome, cause, the pose's error and timings; `on_pick` receives it as soon as it is known.
+    `episode`, `mode` (by default the perception's name) and `settings` name the episode in its result and recording.
+    A policy with a refiner corrects each grasp by a second look through the wrist camera.
+    """
+    recorder = NullRecorder() if recorder is None else recorder
+    mode = policy.perception.name if mode is None else mode
     start = time.perf_counter()
-    seed = config.seed + episode
-    policy = make_policy(config, env, seed)
+    policy.reset()
     observation, info = env.reset(seed=seed)
     timings_s = {"reset": time.perf_counter() - start}
     recorder.start_episode(
-        episode_id=episode_id(config, episode),
-        config=config.to_json() | {"episode": episode},
+        episode_id=episode_id(mode, env.scene_config.gripper, seed),
+        config={**(settings or {}), "episode": episode},
         model=env.scene.model,
         data=env.scene.data,
         parts=env.parts,
     )
     env.on_tick = lambda scene: recorder.tick(scene.data)
     env.on_stage = recorder.stage
-    if config.look_closer:
+    if policy.looks_closer:
         env.on_look = lambda frame, T_world_tcp: _look(policy, recorder, frame, T_world_tcp)
     picks: list[PickRecord] = []
     ended = "cleared" if info["is_success"] else ""
-    while not ended:
-        truth = env.truth()
-        render_s = env.timings_s["render"]
-        recorder.start_pick(len(picks))
-        frame = frame_from_observation(observation)
-        action = policy.act(observation)
-        decision = policy.decision
-        recorder.frame("overhead", frame)
-        recorder.detections("overhead", decision.percept.detections)
-        recorder.estimates(frame.T_world_camera, decision.percept.estimates)
-        if decision.grasp is not None:
-            recorder.grasp(decision.grasp.T_world_tcp)
-        observation, _, _, _, info = env.step(action)
-        ended = info["ended"]
-        pick = complete_record(info["pick"], policy, truth, frame.T_world_camera, env)
-        waited_s = {"render": render_s, **decision.percept.timings_s, "plan": decision.plan_s}
-        pick = dataclasses.replace(
-            pick, timings_s={**waited_s, "look": env.timings_s["look"], "simulate": env.timings_s["simulate"]}
-        )
-        recorder.end_pick(pick)
-        on_pick(pick)
-        picks.append(pick)
+    try:
+        while not ended:
+            pick, observation, ended = _pick(env, policy, observation, len(picks), recorder)
+            picks.append(pick)
+            if on_pick is not None:
+                on_pick(pick)
+    finally:
+        env.on_tick = env.on_stage = env.on_look = None
     instances = tuple(instance.part.name for instance in env.scene.instances)
     timings_s["wall"] = time.perf_counter() - start
-    result = EpisodeResult(episode, seed, instances, tuple(picks), ended, timings_s, config.mode)
+    result = EpisodeResult(episode, seed, instances, tuple(picks), ended, timings_s, mode)
     recorder.end_episode(result.summary())
     return result
+
+
+def _pick(
+    env: BinPickEnv, policy: PickPolicy, observation: dict[str, Any], number: int, recorder: Recorder
+) -> tuple[PickRecord, dict[str, Any], str]:
+    """Make one attempt; return its record, the next observation, and why the episode ended, if it did."""
+    truth, render_s = env.truth(), env.timings_s["render"]
+    recorder.start_pick(number)
+    frame = frame_from_observation(observation)
+    action = policy.act(observation)
+    decision = policy.decision
+    recorder.frame("overhead", frame)
+    recorder.detections("overhead", decision.percept.detections)
+    recorder.estimates(frame.T_world_camera, decision.percept.estimates)
+    if decision.grasp is not None:
+        recorder.grasp(decision.grasp.T_world_tcp)
+    observation, _, _, _, info = env.step(action)
+    pick = complete_record(info["pick"], policy, truth, frame.T_world_camera, env)
+    waited_s = {"render": render_s, **decision.percept.timings_s, "plan": decision.plan_s}
+    simulated_s = {"look": env.timings_s["look"], "simulate": env.timings_s["simulate"]}
+    pick = dataclasses.replace(pick, timings_s={**waited_s, **simulated_s})
+    recorder.end_pick(pick)
+    return pick, observation, info["ended"]
 
 
 def _look(policy: PickPolicy, recorder: Recorder, frame: CameraFrame, T_world_tcp: np.ndarray) -> np.ndarray | None:
@@ -192,11 +225,11 @@ def _abstention(decision: Decision) -> str:
     return f"plan: every grasp on the {seen} estimated parts was filtered out"
 
 
-def episode_id(config: RunConfig, episode: int) -> str:
+def episode_id(mode: str, gripper: str, seed: int) -> str:
     """Return the name of an episode and of its recording."""
-    return f"{config.mode}_{config.gripper}_seed{config.seed + episode:04d}"
+    return f"{mode}_{gripper}_seed{seed:04d}"
 
 
 def recording_file(folder: Path, config: RunConfig, episode: int) -> Path:
     """Return where an episode's recording lies."""
-    return folder / f"{episode_id(config, episode)}.rrd"
+    return folder / f"{episode_id(config.mode, config.gripper, config.seed + episode)}.rrd"

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from simpick.errors import ConfigError, SimpickError
-from simpick.experiments.episodes import recording_file, run_episode
+from simpick.experiments.episodes import recording_file, run_configured_episode
 from simpick.experiments.result_store import EpisodeResult, ResultStore
 from simpick.experiments.run_config import RunConfig
 from simpick.process_pool import spawned_pool
@@ -89,11 +89,11 @@ def check_workers(workers: int) -> None:
 def run_recorded(config: RunConfig, episode: int, folder: Path | None, on_pick=None) -> EpisodeResult:
     """Run one episode, recorded into `folder` unless that is None."""
     if folder is None:
-        return run_episode(config, episode, on_pick=on_pick)
+        return run_configured_episode(config, episode, on_pick=on_pick)
     from simpick.recording import RerunRecorder
 
     with RerunRecorder(recording_file(folder, config, episode), overwrite=True) as recorder:
-        return run_episode(config, episode, recorder=recorder, on_pick=on_pick)
+        return run_configured_episode(config, episode, recorder=recorder, on_pick=on_pick)
 
 
 def _results(

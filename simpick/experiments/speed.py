@@ -11,7 +11,7 @@ from typing import Any
 import mujoco
 
 from simpick.envs.bin_pick import BinPickEnv
-from simpick.experiments.episodes import make_env, make_policy, run_episode
+from simpick.experiments.episodes import make_env, make_policy, run_configured_episode
 from simpick.experiments.run_config import RunConfig
 from simpick.rendering.scene_renderer import SceneRenderer
 
@@ -70,7 +70,7 @@ def measure(config: RunConfig) -> Figures:
     """Run the episodes of `config` and return what they cost."""
     wall_s = reset_s = simulated_s = physics_s = render_s = 0.0
     attempts = 0
-    run_episode(config, 0)  # Fills the caches: grasps, templates, compiled shaders.
+    run_configured_episode(config, 0)  # Fills the caches: grasps, templates, compiled shaders.
     env = make_env(config)
     try:
         policy = make_policy(config, env, config.seed)

@@ -20,32 +20,6 @@ randomness     an argument (`numpy.random.Generator`, `torch.Generator`); never 
 =============  ==================================================================================================
 """
 
-from simpick.geometry.crops import Crop as Crop
-from simpick.geometry.crops import CropBatch as CropBatch
-from simpick.geometry.crops import VirtualCameras as VirtualCameras
-from simpick.geometry.crops import aim_virtual_cameras as aim_virtual_cameras
-from simpick.geometry.crops import crop_image as crop_image
-from simpick.geometry.crops import crop_images as crop_images
-from simpick.geometry.image_boxes import box_of_mask as box_of_mask
-from simpick.geometry.image_boxes import turned_boxes as turned_boxes
-from simpick.geometry.mesh_sampling import farthest_points as farthest_points
-from simpick.geometry.mesh_sampling import sample_surface as sample_surface
-from simpick.geometry.pinhole import Pinhole as Pinhole
-from simpick.geometry.pinhole import opencv_from_mujoco_camera as opencv_from_mujoco_camera
-from simpick.geometry.symmetry import ContinuousSymmetry as ContinuousSymmetry
-from simpick.geometry.symmetry import SymmetryGroup as SymmetryGroup
-from simpick.geometry.transforms import invert as invert
-from simpick.geometry.transforms import look_at as look_at
-from simpick.geometry.transforms import matrix_from_quaternion as matrix_from_quaternion
-from simpick.geometry.transforms import quaternion_from_matrix as quaternion_from_matrix
-from simpick.geometry.transforms import random_rotation as random_rotation
-from simpick.geometry.transforms import rotation_angle as rotation_angle
-from simpick.geometry.transforms import rotation_from_6d as rotation_from_6d
-from simpick.geometry.transforms import rotation_to_6d as rotation_to_6d
-from simpick.geometry.transforms import se3_exp as se3_exp
-from simpick.geometry.transforms import se3_log as se3_log
-from simpick.geometry.transforms import skew as skew
-from simpick.geometry.transforms import so3_exp as so3_exp
-from simpick.geometry.transforms import so3_log as so3_log
-from simpick.geometry.transforms import transform as transform
-from simpick.geometry.transforms import transform_points as transform_points
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

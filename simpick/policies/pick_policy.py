@@ -88,6 +88,11 @@ class PickPolicy:
             raise ConfigError("the policy has decided nothing yet: call act(observation) first")
         return self._decision
 
+    @property
+    def looks_closer(self) -> bool:
+        """Return whether `look` can be called: the policy has a refiner."""
+        return self._closer is not None
+
     def reset(self) -> None:
         """Forget the last episode."""
         self._memory.forget()

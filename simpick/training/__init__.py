@@ -1,1 +1,5 @@
-"""Training: data streamed from renderer processes, and what is learned from it."""
+"""Training of RayPose on data streamed from renderer processes."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

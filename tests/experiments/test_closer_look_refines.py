@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from simpick.experiments.episodes import make_env, run_episode
+from simpick.experiments.episodes import make_env, run_configured_episode
 from simpick.experiments.run_config import RunConfig
 from simpick.policies.closer_look import CloserLook
 from simpick.records import CameraFrame, PoseEstimate
@@ -29,7 +29,7 @@ def test_a_retrieved_pose_is_nearer_to_the_truth_after_the_closer_look(monkeypat
         return view
 
     monkeypatch.setattr(CloserLook, "refined", looked)
-    result = run_episode(config, 0, env=env)
+    result = run_configured_episode(config, 0, env=env)
     env.close()
     before, after = distances_mm[0]
     # Retrieval's depth is off by centimetres here; the refiner sees it to a few millimetres.

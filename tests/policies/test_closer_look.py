@@ -8,7 +8,7 @@ from simpick.errors import ConfigError
 from simpick.estimators.base import PoseRefiner
 from simpick.estimators.oracle import OracleEstimator, OracleRefiner, PoseNoise
 from simpick.estimators.segmentation_detector import SegmentationDetector
-from simpick.experiments.episodes import run_episode
+from simpick.experiments.episodes import run_configured_episode
 from simpick.experiments.run_config import RunConfig
 from simpick.geometry import Pinhole, invert
 from simpick.policies import Perception, PickPolicy
@@ -140,7 +140,7 @@ def test_a_run_records_what_the_wrist_saw() -> None:
 
     recorder = Listening()
     config = RunConfig(parts=("pipe_tee",), count=1, noise_mm=8.0, look_closer=True)
-    result = run_episode(config, 0, recorder=recorder)
+    result = run_configured_episode(config, 0, recorder=recorder)
     assert recorder.cameras[:2] == ["overhead", "wrist"] and recorder.modes[:2] == ["oracle", "closer_look"]
     assert "look" in result.picks[0].stages
     assert result.mode == "oracle_noise+closer"

@@ -1,0 +1,11 @@
+from .base import BatchPoseEstimator as BatchPoseEstimator
+from .base import Detector as Detector
+from .base import PoseEstimator as PoseEstimator
+from .base import PoseRefiner as PoseRefiner
+from .base import estimate_frames as estimate_frames
+from .oracle import OracleEstimator as OracleEstimator
+from .oracle import PoseNoise as PoseNoise
+from .registry import PoseBudget as PoseBudget
+from .registry import estimator_names as estimator_names
+from .registry import load_estimator as load_estimator
+from .segmentation_detector import SegmentationDetector as SegmentationDetector

@@ -1,0 +1,2 @@
+from .retrieval import RetrievalConfig as RetrievalConfig
+from .retrieval import RetrievalEstimator as RetrievalEstimator

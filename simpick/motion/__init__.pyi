@@ -1,0 +1,9 @@
+from .config import MotionConfig as MotionConfig
+from .executor import PickExecutor as PickExecutor
+from .gripper_servo import GripperServo as GripperServo
+from .kinematics import Kinematics as Kinematics
+from .planner import NoPlan as NoPlan
+from .planner import PickPlan as PickPlan
+from .planner import PickPlanner as PickPlanner
+from .result import PickResult as PickResult
+from .twist_servo import TwistServo as TwistServo

@@ -1,0 +1,10 @@
+from .base import Policy as Policy
+from .grasp_chooser import GraspChooser as GraspChooser
+from .perception import Percept as Percept
+from .perception import Perception as Perception
+from .perception import perceive_together as perceive_together
+from .pick_policy import Decision as Decision
+from .pick_policy import PickPolicy as PickPolicy
+from .pose_observation import PoseObservation as PoseObservation
+from .vector import PoseVectorObservation as PoseVectorObservation
+from .vector import VectorPickPolicy as VectorPickPolicy
