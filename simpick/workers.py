@@ -1,88 +1,124 @@
-"""`WorkerPool`: numbered jobs in spawned processes that may hang or die, and are then replaced.
+"""`WorkerPool`: calls in spawned processes that may hang or die, and are then replaced.
 
-Processes that render have been seen to hang while many of them start side by side. So they start one after the
-other, each only when the one before has finished its first job; every job has a time limit; and a process that keeps
-failing is given up, so that a run goes on with fewer.
+Written here because pebble, whose pools also have time limits, starts all its processes at the same time and restarts
+dead ones without end; processes that render have been seen to hang when many of them start together.
 """
 
 from __future__ import annotations
 
+import math
 import multiprocessing
 import os
 import signal
 import threading
 import time
 import traceback
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from contextlib import contextmanager
+from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
+from typing import Any, TypeVar
 
 from simpick.errors import ConfigError, SimpickError
 
 _TICK_S = 0.1
-# Read when numerical libraries and software OpenGL are loaded: a worker uses one core, there are others for the rest.
-_ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "LP_NUM_THREADS": "1"}
+_GRACE_S = 5.0
+"""Time between the request to terminate and the kill."""
+# Read when numerical libraries and software OpenGL are loaded.
+_THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "LP_NUM_THREADS")
+
+_Result = TypeVar("_Result")
+
+
+class LostCallError(SimpickError, RuntimeError):
+    """The process of a call died or hung, each time that the call was tried, or no process of the pool works."""
 
 
 @dataclass(frozen=True)
 class WorkerLimits:
-    """When a worker counts as hung, and when as hopeless."""
+    """When a worker process counts as hung, and when it is given up."""
 
-    first_job_s: float = 180.0
-    """Longest time from a process's start to the end of its first job: imports and OpenGL included."""
-    job_s: float = 120.0
-    """Longest time of every later job."""
+    first_call_s: float = 180.0
+    """Longest time from the start of a process to the end of its first call, imports and OpenGL included."""
+    call_s: float = 120.0
+    """Longest time of each later call."""
     failures: int = 3
-    """A worker that died or hung so often in a row is not started again; nor is a job that ended so many workers."""
+    """A worker whose processes died or hung this many times in a row is not started again, nor is a call repeated that
+    lost this many processes."""
 
     def __post_init__(self) -> None:
-        for name in ("first_job_s", "job_s"):
+        for name in ("first_call_s", "call_s"):
             if not getattr(self, name) > 0:
                 raise ConfigError(f"{name} must be positive, got {getattr(self, name)}")
         if self.failures < 1:
             raise ConfigError(f"failures must be 1 or more, got {self.failures}")
 
 
-@dataclass
+UNLIMITED = WorkerLimits(math.inf, math.inf, failures=2)
+"""For calls that take as long as they take; one that ends its process is repeated once."""
+
+
+@dataclass(eq=False)
+class _Call:
+    """A function, its arguments, and where its result goes."""
+
+    function: Callable[..., Any]
+    arguments: tuple[Any, ...]
+    future: Future[Any]
+    losses: int = 0
+    """Processes that died or hung during this call."""
+
+
+@dataclass(eq=False)
 class _Worker:
-    """One place for a process, and the process that fills it now."""
+    """A slot for a process, and the process that fills it now."""
 
     process: BaseProcess | None = None
     connection: Connection | None = None
-    job: int | None = None
+    call: _Call | None = None
     deadline: float = 0.0
     proven: bool = False
-    """Whether this process has finished a job."""
+    """Whether this process has finished a call."""
     failures: int = 0
     """Processes in a row that ended without finishing one."""
 
 
-@dataclass
-class _Board:
-    """What the supervising thread and its owner share, under one lock."""
-
-    condition: threading.Condition = field(default_factory=threading.Condition)
-    wanted: list[int] = field(default_factory=list)
-    done: set[int] = field(default_factory=set)
-    error: SimpickError | None = None
-    closing: bool = False
-
-
 class WorkerPool:
-    """Runs ``task(job)`` for wanted job numbers in up to `workers` spawned processes.
+    """Runs submitted calls in up to `workers` spawned processes. A context manager.
 
-    `task` must be picklable. What it returns is dropped: it leaves its result in a file. Processes ignore the
-    interrupt signal, which is the owner's to handle, and end when the owner does.
+    Processes are spawned, because a forked one would share its parent's OpenGL context. They ignore the interrupt
+    signal, which the parent handles, and end with the parent, however it ends. A call whose process dies or exceeds
+    its time limit is repeated in another process. A worker that keeps failing is given up: the pool continues with
+    fewer.
     """
 
-    def __init__(self, task: Callable[[int], object], workers: int, limits: WorkerLimits | None = None) -> None:
+    def __init__(
+        self, workers: int, limits: WorkerLimits | None = None, *, threads: int | None = None, staggered: bool = False
+    ) -> None:
+        """Make a pool, whose processes start when there are calls for them.
+
+        Args:
+            workers: Number of processes.
+            limits: Time limits and tolerated failures.
+            threads: Threads per process for numerical libraries; an equal share of the cores if None. Variables
+                such as ``OMP_NUM_THREADS`` that are set already have priority.
+            staggered: Start each process only when the one before it has finished its first call.
+
+        Raises:
+            ConfigError: `workers` is below 1.
+        """
         if workers < 1:
-            raise ConfigError(f"workers of a pool must be 1 or more, got {workers}")
-        self._task, self._limits = task, limits or WorkerLimits()
+            raise ConfigError(f"workers must be 1 or more, got {workers}")
+        self._limits, self._staggered = limits or WorkerLimits(), staggered
+        self._threads = threads or max(1, (os.cpu_count() or 1) // workers)
         self._workers = [_Worker() for _ in range(workers)]
-        self._board = _Board()
-        self._ended: dict[int, int] = {}
+        self._waiting: deque[_Call] = deque()
+        self._lock = threading.Lock()
+        self._closing = False
+        self._any_result = False
         self._last_failure = ""
         self.replaced = 0
         """How many processes died or were killed because they hung."""
@@ -94,171 +130,195 @@ class WorkerPool:
         """Return the process ids of the workers that run now."""
         return [w.process.pid for w in self._workers if w.process is not None and w.process.pid is not None]
 
-    def want(self, jobs: Sequence[int]) -> None:
-        """Say which jobs shall be done, in this order; jobs that have begun are finished all the same."""
-        with self._board.condition:
-            self._board.wanted = list(jobs)
+    def submit(self, function: Callable[..., _Result], *arguments: Any) -> Future[_Result]:
+        """Return the future result of a call, which must be picklable; calls begin in the order of submission.
 
-    def wait(self, job: int) -> None:
-        """Block until a wanted job is done.
+        The future raises the `SimpickError` that the call raised, a `SimpickError` with the traceback of any other
+        exception, or `LostCallError`.
 
         Raises:
-            SimpickError: a job raised it, ended too many workers, or no worker is left.
+            SimpickError: the pool is closed or has failed.
         """
-        board = self._board
-        with board.condition:
-            while job not in board.done:
-                if board.error is not None:
-                    raise board.error
-                if board.closing:
-                    raise SimpickError("the worker pool is closed; make a new one")
-                board.condition.wait(_TICK_S)
-
-    def forget(self, job: int) -> None:
-        """Let a job count as not done again."""
-        with self._board.condition:
-            self._board.done.discard(job)
+        future: Future[_Result] = Future()
+        with self._lock:
+            if self._closing:
+                raise SimpickError("the worker pool is closed; make a new one")
+            self._waiting.append(_Call(function, arguments, future))
+        return future
 
     def close(self) -> None:
-        """End all workers at once, whatever they do; may be called again."""
-        with self._board.condition:
-            self._board.closing = True
-            self._board.condition.notify_all()
+        """End all workers now, whatever they do; may be called again."""
+        with self._lock:
+            self._closing = True
         self._thread.join()
+
+    def __enter__(self) -> WorkerPool:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
 
     # -- the supervising thread ---------------------------------------------------------------------------------
 
     def _supervise(self) -> None:
+        error = SimpickError("the worker pool is closed; make a new one")
         try:
-            while not (self._board.closing or self._board.error):
-                self._start_next()
+            while not self._closing:
                 self._hand_out()
+                self._start_next()
                 connections = [w.connection for w in self._workers if w.connection is not None]
                 if not connections:
                     time.sleep(_TICK_S)
                 for connection in wait(connections, _TICK_S):
-                    self._hear(next(w for w in self._workers if w.connection is connection))
-                now = time.monotonic()
+                    self._receive(next(w for w in self._workers if w.connection is connection))
                 for worker in self._workers:
-                    if worker.job is not None and now > worker.deadline:
-                        limit = self._limits.job_s if worker.proven else self._limits.first_job_s
-                        self._replace(worker, f"took longer than {limit:g} s over job {worker.job}")
-        # Whatever goes wrong here, the owner must not wait for ever.
-        except Exception as error:
-            self._fail(SimpickError(f"the worker pool failed: {error!r}\n{traceback.format_exc()}"))
+                    if worker.call is not None and time.monotonic() > worker.deadline:
+                        self._replace(worker, f"took longer than {self._limit_s(worker):g} s")
+        except LostCallError as failure:
+            error = failure
+        # Whatever goes wrong here, nobody must wait forever for a result.
+        except Exception as failure:
+            error = SimpickError(f"the worker pool failed: {failure!r}\n{traceback.format_exc()}")
         finally:
-            for worker in self._workers:
-                self._end(worker)
+            with self._lock:
+                self._closing = True
+            unfinished = [*(w.call for w in self._workers if w.call is not None), *self._waiting]
+            self._end(self._workers)
+            for call in unfinished:
+                if call.future.running() or call.future.set_running_or_notify_cancel():
+                    call.future.set_exception(error)
 
     def _start_next(self) -> None:
-        """Start one process, unless one has yet to prove itself."""
-        if any(w.process is not None and not w.proven for w in self._workers):
-            return
+        """Start one process if calls wait for it; raises `LostCallError` if every worker was given up."""
         hopeful = [w for w in self._workers if w.failures < self._limits.failures]
         if not hopeful:
-            self._fail(
-                SimpickError(
-                    f"none of {len(self._workers)} worker processes works; the last one {self._last_failure}. Try"
-                    " fewer workers, or none, which shows the cause where it arises; `simpick doctor` checks OpenGL"
-                )
+            raise LostCallError(
+                f"none of {len(self._workers)} worker processes works; the last one {self._last_failure}. Try fewer "
+                "workers, or none, which shows the cause where it arises; `simpick doctor` checks OpenGL"
             )
-            return
         worker = next((w for w in hopeful if w.process is None), None)
-        if worker is None or not self._next_job():
+        must_wait = self._staggered and any(w.process is not None and not w.proven for w in self._workers)
+        if worker is None or must_wait or not self._waiting:
             return
         context = multiprocessing.get_context("spawn")
         worker.connection, theirs = context.Pipe()
-        worker.process = context.Process(target=_serve, args=(theirs, self._task), daemon=True)
-        before = {name: os.environ.get(name) for name in _ONE_THREAD}
-        os.environ.update(_ONE_THREAD)
-        try:
+        worker.process = context.Process(target=_serve, args=(theirs,), daemon=True)
+        with _thread_limit(self._threads):
             worker.process.start()
-        finally:
-            for name, value in before.items():
-                os.environ.pop(name) if value is None else os.environ.__setitem__(name, value)
         # Only the process holds its end now, so that its death closes the connection.
         theirs.close()
 
     def _hand_out(self) -> None:
         for worker in self._workers:
-            if worker.connection is None or worker.job is not None:
+            if worker.connection is None or worker.call is not None:
                 continue
-            job = self._next_job()
-            if not job:
+            call = self._next_call()
+            if call is None:
                 return
-            worker.job = job[0]
-            worker.deadline = time.monotonic() + (self._limits.job_s if worker.proven else self._limits.first_job_s)
+            worker.call, worker.deadline = call, time.monotonic() + self._limit_s(worker)
             try:
-                worker.connection.send(worker.job)
+                worker.connection.send((call.function, call.arguments))
             except OSError:
-                self._replace(worker, "died while it waited for a job")
+                self._replace(worker, "died while it waited for a call")
 
-    def _next_job(self) -> list[int]:
-        """Return the first wanted job that nobody has begun; nothing if there is none."""
-        begun = {w.job for w in self._workers}
-        with self._board.condition:
-            return [job for job in self._board.wanted if job not in self._board.done and job not in begun][:1]
+    def _next_call(self) -> _Call | None:
+        with self._lock:
+            while self._waiting:
+                call = self._waiting.popleft()
+                if call.losses or call.future.set_running_or_notify_cancel():
+                    return call
+        return None
 
-    def _hear(self, worker: _Worker) -> None:
-        """Take a worker's answer: None for a job that is done, or what it raised."""
+    def _receive(self, worker: _Worker) -> None:
+        """Take a worker's answer, which is what the call returned or raised."""
         assert worker.connection is not None and worker.process is not None
         try:
-            answer = worker.connection.recv()
+            result, error = worker.connection.recv()
         except (EOFError, OSError):
             worker.process.join(1.0)
-            self._replace(worker, f"died (exit code {worker.process.exitcode}) over job {worker.job}")
+            self._replace(worker, f"died (exit code {worker.process.exitcode})")
             return
-        job, worker.job, worker.proven, worker.failures = worker.job, None, True, 0
-        if answer is not None:
-            self._fail(answer)
-            return
-        assert job is not None
-        with self._board.condition:
-            self._board.done.add(job)
-            self._board.condition.notify_all()
+        assert worker.call is not None
+        future, worker.call, worker.proven, worker.failures = worker.call.future, None, True, 0
+        self._any_result = True
+        if error is None:
+            future.set_result(result)
+        else:
+            future.set_exception(error)
 
     def _replace(self, worker: _Worker, cause: str) -> None:
-        """End a worker that died or hung; its place is filled again while there is hope."""
+        """End a worker that died or hung; its slot is filled again until it is given up."""
         self.replaced += 1
         self._last_failure = cause
-        job = worker.job
-        self._end(worker)
+        call = worker.call
+        self._end([worker])
         worker.failures += 1
-        if job is not None:
-            self._ended[job] = self._ended.get(job, 0) + 1
-            # A job is blamed only where others work; otherwise it is the workers that do not.
-            if self._ended[job] >= self._limits.failures and self._board.done:
-                self._fail(SimpickError(f"job {job} ended {self._ended[job]} worker processes; the last one {cause}"))
+        if call is None:
+            return
+        call.losses += 1
+        # A call is at fault only where others work; otherwise the workers are.
+        if call.losses >= self._limits.failures and self._any_result:
+            call.future.set_exception(LostCallError(f"{call.losses} worker processes were lost; the last one {cause}"))
+        else:
+            with self._lock:
+                self._waiting.appendleft(call)
 
-    def _end(self, worker: _Worker) -> None:
-        if worker.process is not None:
-            worker.process.kill()
-            worker.process.join(5.0)
-        if worker.connection is not None:
-            worker.connection.close()
-        worker.process = worker.connection = worker.job = None
-        worker.proven = False
+    def _limit_s(self, worker: _Worker) -> float:
+        return self._limits.call_s if worker.proven else self._limits.first_call_s
 
-    def _fail(self, error: SimpickError) -> None:
-        with self._board.condition:
-            self._board.error = error
-            self._board.condition.notify_all()
+    @staticmethod
+    def _end(workers: list[_Worker]) -> None:
+        processes = [w.process for w in workers if w.process is not None]
+        # First a request, so that a recording that is open is closed.
+        for process in processes:
+            process.terminate()
+        deadline = time.monotonic() + _GRACE_S
+        for process in processes:
+            process.join(max(0.0, deadline - time.monotonic()))
+            process.kill()
+            process.join(_GRACE_S)
+        for worker in workers:
+            if worker.connection is not None:
+                worker.connection.close()
+            worker.process = worker.connection = worker.call = None
+            worker.proven = False
 
 
-def _serve(connection: Connection, task: Callable[[int], object]) -> None:
-    """Do jobs until the connection closes; runs in the worker's process."""
+@contextmanager
+def _thread_limit(threads: int) -> Iterator[None]:
+    """Let processes that start meanwhile use so many threads, where the environment sets no number."""
+    added = {name: str(threads) for name in _THREAD_VARIABLES if name not in os.environ}
+    os.environ.update(added)
+    try:
+        yield
+    finally:
+        for name in added:
+            del os.environ[name]
+
+
+def _serve(connection: Connection) -> None:
+    """Run calls until the connection closes; runs in the worker's process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
         while True:
-            job = connection.recv()
-            answer: SimpickError | None = None
+            function, arguments = connection.recv()
+            result, error = None, None
             try:
-                task(job)
-            except SimpickError as error:
-                answer = error
-            except Exception as error:
-                answer = SimpickError(f"job {job} failed in its worker: {error!r}\n{traceback.format_exc()}")
-            connection.send(answer)
-    # The owner has closed its end, or is gone.
+                result = function(*arguments)
+            except SimpickError as raised:
+                error = raised
+            except Exception as raised:
+                error = SimpickError(f"a worker process failed: {raised!r}\n{traceback.format_exc()}")
+            connection.send((result, error))
+    # The parent has closed its end, or is gone.
     except (EOFError, OSError):
         return
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    # A request rather than an exit, so that a recording that is open is closed.
+    os.kill(os.getpid(), signal.SIGTERM)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import as_completed
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,8 +14,8 @@ from simpick.errors import ConfigError, SimpickError
 from simpick.experiments.episodes import recording_file, run_configured_episode
 from simpick.experiments.result_store import EpisodeResult, ResultStore
 from simpick.experiments.run_config import RunConfig
-from simpick.process_pool import spawned_pool
 from simpick.records import PickOutcome, PickRecord
+from simpick.workers import UNLIMITED, LostCallError, WorkerPool
 
 
 @dataclass(frozen=True)
@@ -119,24 +117,14 @@ def _results(
 
 
 def _results_from_pool(jobs: Sequence[Job], folder: Path | None, workers: int) -> Iterator[EpisodeResult]:
-    with spawned_pool(workers) as pool:
-        # Never more episodes than workers: the pool runs what it was given to the end, even when interrupted.
-        waiting: Iterator[Job] = iter(jobs)
-        running: dict[Future[EpisodeResult], Job] = {}
-        try:
-            while True:
-                for job in itertools.islice(waiting, workers - len(running)):
-                    running[pool.submit(run_recorded, job.config, job.episode, folder)] = job
-                if not running:
-                    return
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
-                    # Taken off only once there is a result, so that a death is blamed on what was running.
-                    result = future.result()
-                    del running[future]
-                    yield result
-        except BrokenProcessPool as error:
-            lost = ", ".join(f"episode {job.episode} of {job.config.mode}" for job in running.values())
-            raise SimpickError(
-                f"a worker process was killed, perhaps because memory ran out. Lost: {lost}. What was finished is "
-                "kept: run the same command again, with fewer --workers"
-            ) from error
+    with WorkerPool(workers, UNLIMITED) as pool:
+        episodes = {pool.submit(run_recorded, job.config, job.episode, folder): job for job in jobs}
+        for future in as_completed(episodes):
+            try:
+                yield future.result()
+            except LostCallError as error:
+                job = episodes[future]
+                raise SimpickError(
+                    f"episode {job.episode} of {job.config.mode} was lost, perhaps because memory ran out: {error}. "
+                    "What was finished is kept: run the same command again, with fewer --workers"
+                ) from error

@@ -29,7 +29,7 @@ from simpick.pose_eval.pose_evaluation import (
 )
 from simpick.pose_eval.pose_images import PoseModel
 from simpick.pose_eval.pose_sources import EstimatorSource, PoseSource, make_source
-from simpick.process_pool import spawned_pool
+from simpick.workers import UNLIMITED, WorkerPool
 
 BEST_OF = (1, 5, 50)
 """For how many hypotheses the best is told, besides for all that were offered."""
@@ -227,11 +227,9 @@ def _mapped(
     if workers == 1 or len(bins) < 2:
         yield map(job, bins)
         return
-    with spawned_pool(workers) as pool:
-        try:
-            yield pool.map(job, bins)
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+    with WorkerPool(workers, UNLIMITED) as pool:
+        calls = [pool.submit(job, bin) for bin in bins]
+        yield (call.result() for call in calls)
 
 
 def _progress(results: Iterable[_Result], description: str, total: int, console: Console | None) -> list[_Result]:

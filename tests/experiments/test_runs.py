@@ -1,8 +1,6 @@
-"""Several workers: episodes are handed out one by one, so that stopping stops."""
+"""Several workers: each episode is run once, and what stops a run is explained."""
 
-import threading
-from concurrent.futures import ThreadPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -11,14 +9,22 @@ from simpick.errors import SimpickError
 from simpick.experiments import runs
 from simpick.experiments.result_store import EpisodeResult, ResultStore
 from simpick.experiments.run_config import RunConfig
+from simpick.workers import LostCallError, WorkerLimits
 
 CONFIG = RunConfig(episodes=8)
 
 
+class Threads(ThreadPoolExecutor):
+    """A pool of threads, which start at once."""
+
+    def __init__(self, workers: int, limits: WorkerLimits) -> None:
+        super().__init__(workers)
+
+
 @pytest.fixture
 def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ResultStore:
-    """An empty store; workers are threads, which start at once."""
-    monkeypatch.setattr(runs, "spawned_pool", ThreadPoolExecutor)
+    """An empty store; workers are threads."""
+    monkeypatch.setattr(runs, "WorkerPool", Threads)
     return ResultStore(tmp_path / "run", CONFIG.to_json())
 
 
@@ -36,28 +42,30 @@ def test_all_episodes_are_run_once(store: ResultStore, monkeypatch: pytest.Monke
     assert [result.episode for result in store.results] == list(range(8))
 
 
-def test_an_interrupt_starts_no_further_episode(store: ResultStore, monkeypatch: pytest.MonkeyPatch) -> None:
-    run: list[int] = []
-    both = threading.Barrier(2)
+def test_an_interrupt_closes_the_pool(store: ResultStore, monkeypatch: pytest.MonkeyPatch) -> None:
+    closed: list[bool] = []
 
-    def interrupted(config: RunConfig, number: int, folder: Path | None) -> EpisodeResult:
-        run.append(number)
-        both.wait(timeout=10)
-        raise KeyboardInterrupt
+    class Interrupted(Threads):
+        def submit(self, function, /, *arguments, **settings) -> Future:
+            raise KeyboardInterrupt
 
-    monkeypatch.setattr(runs, "run_recorded", interrupted)
+        def __exit__(self, *exception: object) -> None:
+            closed.append(True)
+            super().__exit__(*exception)
+
+    monkeypatch.setattr(runs, "WorkerPool", Interrupted)
     with pytest.raises(KeyboardInterrupt):
         runs.run_episodes(CONFIG, store, record=False, workers=2)
-    assert sorted(run) == [0, 1]
+    assert closed and store.results == ()
 
 
-def test_a_killed_worker_is_explained(store: ResultStore, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_lost_episode_is_explained(store: ResultStore, monkeypatch: pytest.MonkeyPatch) -> None:
     def killed(config: RunConfig, number: int, folder: Path | None) -> EpisodeResult:
-        raise BrokenProcessPool("A process in the process pool was terminated abruptly")
+        raise LostCallError("2 worker processes were lost; the last one died (exit code -9)")
 
     monkeypatch.setattr(runs, "run_recorded", killed)
     with pytest.raises(
         SimpickError,
-        match=r"worker process was killed.*Lost: episode 0 of oracle, .*run the same command again, with fewer",
+        match=r"episode \d of oracle was lost.*exit code -9.*run the same command again, with fewer --workers",
     ):
         runs.run_episodes(CONFIG, store, record=False, workers=2)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import time
+from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
 
@@ -65,7 +66,9 @@ class ShardStream:
         if not keep:
             self._delete_below(start)
         self._write = partial(write_shard, config, split, folder, self._prefix)
-        self._pool = WorkerPool(self._write, workers, limits) if workers else None
+        # One thread each: the other cores are for training. Staggered, because each first shard starts a renderer.
+        self._pool = WorkerPool(workers, limits, threads=1, staggered=True) if workers else None
+        self._calls: dict[int, Future[object]] = {}
         self._aim(start)
 
     def path(self, index: int) -> Path:
@@ -126,15 +129,20 @@ class ShardStream:
         if self._pool is None:
             self._write(index)
         else:
-            self._pool.wait(index)
+            self._calls[index].result()
 
     def _aim(self, index: int) -> None:
         """Let the workers make what is missing from this index on."""
-        if self._pool is not None:
-            missing = [k for k in range(index, index + 1 + self.prefetch) if not self.path(k).exists()]
-            for k in missing:
-                self._pool.forget(k)
-            self._pool.want(missing)
+        if self._pool is None:
+            return
+        wanted = range(index, index + 1 + self.prefetch)
+        for k in self._calls.keys() - wanted:
+            self._calls.pop(k).cancel()
+        for k in wanted:
+            call = self._calls.get(k)
+            # Made again if its file was deleted since, but not if it failed.
+            if not self.path(k).exists() and (call is None or (call.done() and call.exception() is None)):
+                self._calls[k] = self._pool.submit(self._write, k)
 
     def _delete_below(self, start: int) -> None:
         for path in self.folder.glob(f"{self._prefix}-*.shard"):
