@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Callable, Sequence
 from typing import Any, Literal
@@ -15,8 +14,8 @@ from simpick.envs.bin_env import BinEnv, part_pool
 from simpick.envs.observations import observation_from_frame
 from simpick.envs.spaces import action_space, observation_space
 from simpick.errors import ConfigError
-from simpick.motion import PickExecutor, PickResult
-from simpick.records import CameraFrame, PickOutcome, PickRecord
+from simpick.motion import PickExecutor
+from simpick.records import CameraFrame, PickOutcome, PickRecord, PickResult
 from simpick.scene import SceneConfig
 from simpick.scene.workspace import tcp_workspace
 
@@ -27,7 +26,7 @@ ATTEMPT_COST = 0.1
 COLLISION_COST = 0.1
 """On top, for an attempt that ended in a collision."""
 
-ABSTAINED = PickResult(PickOutcome.NO_GRASP, "the action abstained", (), 0.0, 0.0, (), (), ())
+ABSTAINED = PickResult(PickOutcome.NO_GRASP, "the action abstained")
 """The result of an all-zero action."""
 
 
@@ -127,7 +126,7 @@ class BinPickEnv(BinEnv, EzPickle):
         self._last_outcome = result.outcome
         reward = SUCCESS_REWARD * delivered - ATTEMPT_COST * (delivered == 0)
         reward -= COLLISION_COST * (result.outcome is PickOutcome.COLLISION)
-        pick = self._record(result)
+        pick = PickRecord(**vars(result), pick=self._picks, remaining=len(self.scene.parts_in_bin()))
         self._picks += 1
         ended = self._ended(pick)
         truncated = not ended and self._max_picks is not None and self._picks >= self._max_picks
@@ -155,13 +154,6 @@ class BinPickEnv(BinEnv, EzPickle):
 
     def _info(self) -> dict[str, Any]:
         return {"is_success": not self.scene.parts_in_bin(), "truth": self._truth_arrays()}
-
-    def _record(self, result: PickResult) -> PickRecord:
-        fields = {field.name: getattr(result, field.name) for field in dataclasses.fields(PickResult)}
-        remaining = len(self.scene.parts_in_bin())
-        return PickRecord(
-            pick=self._picks, target_part=None, target_instance=None, remaining=remaining, pose_error=None, **fields
-        )
 
     def _ended(self, pick: PickRecord) -> str:
         if pick.outcome is PickOutcome.SIMULATION_FAULT:

@@ -127,30 +127,38 @@ class PoseError:
 
 
 @dataclass(frozen=True)
-class PickRecord:
-    """One pick attempt, as it stands in ``results.jsonl``."""
+class PickResult:
+    """What happened during one pick, as the simulator knows it."""
 
-    pick: int
     outcome: PickOutcome
     cause: str
-    """Why, in words: stage and what was noticed."""
-    target_part: str | None
-    target_instance: int | None
-    delivered: tuple[int, ...]
-    """Instances that reached the chute during this pick."""
-    ejected: tuple[int, ...]
-    """Instances that left the bin and did not reach the chute."""
-    remaining: int
-    """Parts left in the bin afterwards."""
-    pose_error: PoseError | None
-    """Of the estimate that was picked; None without one."""
-    motion_s: float
-    """Simulated time from leaving home to being back."""
+    """Why, in words: the stage and what was noticed there."""
     stages: tuple[str, ...] = ()
-    """Stages reached, in order."""
+    """Stages begun, in order."""
+    motion_s: float = 0.0
+    """Simulated time from leaving home to being back; 0 where the arm never left."""
+    peak_force_n: float = 0.0
+    """Largest contact force on one of the gripper's contact geoms, such as a jaw's pad."""
+    delivered: tuple[int, ...] = ()
+    """Instances that came to lie in the chute; they have been removed from the scene."""
+    ejected: tuple[int, ...] = ()
+    """Instances that left the bin and did not reach the chute."""
     gripped: tuple[int, ...] = ()
     """Instances that the gripper held after closing."""
-    peak_force_n: float = 0.0
-    """Largest contact force on the jaw's pads or the suction face's cells."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PickRecord(PickResult):
+    """One pick attempt of an episode, as it is stored in ``results.jsonl``."""
+
+    pick: int
+    """Number of the attempt within its episode, from 0."""
+    remaining: int
+    """Parts left in the bin afterwards."""
+    target_part: str | None = None
+    """Name of the part that was to be picked; None without a target, as is the instance."""
+    target_instance: int | None = None
+    pose_error: PoseError | None = None
+    """Error of the estimate that the grasp was planned on; None without one."""
     timings_s: dict[str, float] = field(default_factory=dict)
-    """Wall-clock seconds by stage (render, detect, estimate, plan, simulate); excluded from equality checks."""
+    """Wall-clock seconds per stage (render, detect, estimate, plan, simulate); excluded from equality checks."""

@@ -9,13 +9,13 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from simpick.assets.robots import ur5e
+from simpick.assets.robots import ur5e, ur5e_inverse
 from simpick.errors import UnknownNameError
 
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """An arm: how to build it, where it rests, and how it is commanded."""
+    """An arm: how it is built, where it rests, how it is commanded, and its inverse kinematics."""
 
     name: str
     add: Callable[..., mujoco.MjsSite]
@@ -26,6 +26,9 @@ class Robot:
     """Rest pose in radians: out of the overhead camera's view of the bin."""
     servo_command: Callable[..., np.ndarray]
     """``servo_command(q, qd)`` gives the controls that follow a moving target without lag."""
+    inverse: Callable[..., np.ndarray]
+    """``inverse(T_base_flange, q_near)`` gives one joint vector per branch of solutions, each angle within pi of
+    `q_near`'s: the starts of the numerical solver. Shape (branches, joints); no rows out of reach."""
 
 
 ROBOTS: dict[str, Robot] = {
@@ -35,6 +38,7 @@ ROBOTS: dict[str, Robot] = {
         joint_names=ur5e.JOINT_NAMES,
         home_qpos=ur5e.HOME_QPOS,
         servo_command=ur5e.servo_command,
+        inverse=ur5e_inverse.inverse,
     ),
 }
 

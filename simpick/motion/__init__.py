@@ -1,4 +1,4 @@
-"""Motion: inverse kinematics, trajectories, and picks that tell what happened and why."""
+"""Motion: inverse kinematics, trajectories, and picks that report what happened and why."""
 
 import lazy_loader
 

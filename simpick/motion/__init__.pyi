@@ -5,5 +5,4 @@ from .kinematics import Kinematics as Kinematics
 from .planner import NoPlan as NoPlan
 from .planner import PickPlan as PickPlan
 from .planner import PickPlanner as PickPlanner
-from .result import PickResult as PickResult
 from .twist_servo import TwistServo as TwistServo

@@ -16,10 +16,9 @@ from simpick.geometry import rotation_angle
 from simpick.motion.config import MotionConfig
 from simpick.motion.monitor import Monitor, Obstruction
 from simpick.motion.planner import NoPlan, PickPlan, PickPlanner
-from simpick.motion.result import PickResult
 from simpick.motion.trajectory import Trajectory
 from simpick.motion.verdict import Evidence, judge
-from simpick.records import PickOutcome
+from simpick.records import PickOutcome, PickResult
 from simpick.scene import Scene
 from simpick.scene.robot import ARM_PREFIX
 

@@ -1,4 +1,4 @@
-"""Inverse kinematics of arm and gripper: mink's quadratic-programming solver, started from closed-form seeds."""
+"""Inverse kinematics of arm and gripper: mink's quadratic-programming solver, started from closed-form solutions."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ import numpy as np
 from jaxtyping import Float
 
 from simpick.assets.robots.registry import Robot
-from simpick.assets.robots.ur5e_inverse import inverse
 from simpick.geometry.transforms import invert, quaternion_from_matrix, rotation_angle
 
 POSITION_TOLERANCE_M = 1e-4
 """A solution's TCP is at most this far from the commanded one."""
 ROTATION_TOLERANCE_RAD = np.deg2rad(0.05)
-"""A solution's TCP is turned at most this much against the commanded one."""
+"""Largest rotation between a solution's TCP and the commanded one."""
 
 _SOLVER = "daqp"
 _ITERATIONS = 20
@@ -43,6 +42,7 @@ class Kinematics:
         self.tcp_site = _TCP
         """Name of the TCP's site in `model`."""
         self._T_tcp_flange = invert(T_flange_tcp)
+        self._inverse = robot.inverse
         self._configuration = mink.Configuration(self.model)
         self._task = mink.FrameTask(_TCP, "site", position_cost=1.0, orientation_cost=1.0, lm_damping=1e-4)
         self._limits = [mink.ConfigurationLimit(self.model)]
@@ -64,7 +64,7 @@ class Kinematics:
         self, T_world_tcp: Float[np.ndarray, "4 4"], q_seed: Float[np.ndarray, "joints"]
     ) -> list[Float[np.ndarray, "joints"]]:
         """Return every branch of solutions, the one that needs the least motion of any joint from `q_seed` first."""
-        seeds = inverse(T_world_tcp @ self._T_tcp_flange, q_seed)
+        seeds = self._inverse(T_world_tcp @ self._T_tcp_flange, q_seed)
         solutions = []
         for seed in seeds[np.argsort(np.abs(seeds - q_seed).max(axis=1), kind="stable")]:
             inside = seed - 2 * np.pi * (seed > self.q_upper) + 2 * np.pi * (seed < self.q_lower)

@@ -11,7 +11,7 @@ import trimesh
 from simpick.assets.part import Part
 from simpick.geometry.pinhole import Pinhole
 from simpick.recording import Recorder, RerunRecorder
-from simpick.records import CameraFrame, Detection, PickOutcome, PickRecord, PoseError, PoseEstimate
+from simpick.records import CameraFrame, Detection, PickOutcome, PickRecord, PickResult, PoseError, PoseEstimate
 
 XML = """
 <mujoco>
@@ -40,10 +40,14 @@ def parts() -> list[Part]:
 
 def records() -> list[PickRecord]:
     error = PoseError(rotation_deg=1 / 3, translation_mm=2.25, lateral_mm=1.0, depth_mm=-2.0, mssd_mm=3.1)
+    delivered = PickResult(PickOutcome.SUCCESS, "", ("approach", "lift"), 5.4, 12.5, delivered=(0,), gripped=(0,))
+    unseen = PickResult(PickOutcome.NOTHING_DETECTED, "no part was seen")
+    pushed = PickResult(PickOutcome.EJECTED, "part_01 left the bin", ("approach",), 3.0, ejected=(1,))
+    target = {"target_part": "block", "pose_error": error}
     return [
-        PickRecord(0, PickOutcome.SUCCESS, "", "block", 0, (0,), (), 1, error, 5.4, ("approach", "lift"), (0,), 12.5),
-        PickRecord(1, PickOutcome.NOTHING_DETECTED, "no part was seen", None, None, (), (), 1, None, 0.0),
-        PickRecord(2, PickOutcome.EJECTED, "part_01 left the bin", "block", 1, (), (1,), 0, error, 3.0, ("approach",)),
+        PickRecord(**vars(delivered), pick=0, remaining=1, target_instance=0, **target),
+        PickRecord(**vars(unseen), pick=1, remaining=1),
+        PickRecord(**vars(pushed), pick=2, remaining=0, target_instance=1, **target),
     ]
 
 
