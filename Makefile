@@ -5,16 +5,19 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+PYTEST := $(BIN)/python -m pytest -n 2
 
-.PHONY: demo test lint doctor install clean
+.PHONY: help demo test quick coverage lint docs doctor install clean
 .DEFAULT_GOAL := help
-.PHONY: help
 help:
-	@echo "make demo     run the main job: a bin of parts is filled, seen, emptied and recorded in logs/demo"
-	@echo "make test     run the tests"
-	@echo "make lint     run ruff and pyright"
-	@echo "make doctor   say what is installed and what to mend"
-	@echo "make clean    remove the virtual environment and caches (logs/ stays)"
+	@echo "make demo      run the main job: a bin of parts is filled, seen, emptied and recorded in logs/demo"
+	@echo "make test      run all tests"
+	@echo "make quick     run the tests that take no process, episode or training of their own: under a minute"
+	@echo "make coverage  run all tests and report the lines that none of them executes"
+	@echo "make lint      run ruff and pyright"
+	@echo "make docs      build the documentation in site/"
+	@echo "make doctor    report what is installed and what to fix"
+	@echo "make clean     remove the virtual environment and caches (logs/ stays)"
 
 $(READY): pyproject.toml .ci/constraints.txt .ci/ensure-gl
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
@@ -31,16 +34,26 @@ demo: $(READY)
 	$(BIN)/simpick run --out logs/demo --record --overwrite
 
 test: $(READY)
-	$(BIN)/python -m pytest -n 2
+	$(PYTEST)
+
+quick: $(READY)
+	$(PYTEST) -m "not slow"
+
+coverage: $(READY)
+	$(PYTEST) --cov --cov-report=term:skip-covered
 
 lint: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/pyright
 
+docs: $(READY)
+	$(BIN)/python -m pip install --quiet --constraint .ci/constraints.txt --editable '.[docs]'
+	$(BIN)/mkdocs build --strict --quiet
+
 doctor: $(READY)
 	$(BIN)/simpick doctor
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build dist site *.egg-info .pytest_cache .ruff_cache .hypothesis .coverage
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+import trimesh
 
 from simpick.assets.cad_files import SUFFIXES, read_cad
 from simpick.assets.convex_pieces import convex_pieces
@@ -233,7 +234,7 @@ def is_mesh_path(text: str) -> bool:
     return Path(text).suffix.lower() in SUFFIXES or "/" in text or os.sep in text
 
 
-def _cached_symmetries(mesh) -> SymmetryGroup:
+def _cached_symmetries(mesh: trimesh.Trimesh) -> SymmetryGroup:
     """Return the detected symmetries; detection takes seconds for cubes and the like, so it is done once."""
     key = cache_key(_SYMMETRY_CACHE_VERSION, np.asarray(mesh.vertices).tobytes(), np.asarray(mesh.faces).tobytes())
     path = cache_dir() / "symmetries" / f"{key}.npz"

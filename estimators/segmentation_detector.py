@@ -64,13 +64,12 @@ class SegmentationDetector:
                 f"the frame shows instance {len(visible_px) - 1}, but parts of only {len(names)} are given"
             )
         wanted = {part.name for part in parts}
-        found = np.array(
-            [k for k in np.flatnonzero(visible_px >= self._min_visible_px) if names[k] in wanted], np.int64
-        )
+        seen = np.flatnonzero(visible_px >= self._min_visible_px).tolist()
+        found = [k for k in seen if names[k] in wanted]
         if self._rng is None:
-            covers = {int(k): (int(k),) for k in found}
+            covers = {k: (k,) for k in found}
         else:
-            covers = miss_and_merge(frame.instances, found, self.noise, self._rng)
+            covers = miss_and_merge(frame.instances, np.array(found, np.int64), self.noise, self._rng)
         masks = {k: np.isin(frame.instances, covered) for k, covered in covers.items()}
         detections = [self._detection(names[k], k, mask, int(visible_px.max())) for k, mask in masks.items()]
         return sorted((d for d in detections if d is not None), key=lambda d: (-d.score, d.instance))

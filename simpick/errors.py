@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
+from typing import Any
 
 
 class SimpickError(Exception):
     """Base class: the message is complete and meant for a person. Comes whole out of worker processes."""
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         # Exceptions are unpickled by calling their class with the message, which is not what subclasses take.
         return _rebuilt, (type(self), self.args, self.__dict__)
 

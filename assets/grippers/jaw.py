@@ -242,12 +242,14 @@ def _add_finger(base: mujoco.MjsBody, prefix: str, side: str, sign: float) -> No
     pad.solimp = [0.95, 0.99, 0.001, 0.5, 2.0]
 
 
-def _solid(body, name: str, half: list[float], pos: list[float], rgba: list[float], mass: float) -> mujoco.MjsGeom:
+def _solid(
+    body: mujoco.MjsBody, name: str, half: list[float], pos: list[float], rgba: list[float], mass: float
+) -> mujoco.MjsGeom:
     geom = body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_BOX, size=half, pos=pos, rgba=rgba, group=VISUAL_GROUP)
     geom.mass = mass
     return geom
 
 
-def _decoration(body, name: str, half: list[float], pos: list[float], rgba: list[float]) -> None:
+def _decoration(body: mujoco.MjsBody, name: str, half: list[float], pos: list[float], rgba: list[float]) -> None:
     geom = _solid(body, name, half, pos, rgba, 0.0)
     geom.contype = geom.conaffinity = 0

@@ -236,7 +236,7 @@ def add_suction_gripper(
 
 
 def _cylinder(
-    body, name: str, radius: float, z_from: float, z_to: float, rgba: list[float], mass: float
+    body: mujoco.MjsBody, name: str, radius: float, z_from: float, z_to: float, rgba: list[float], mass: float
 ) -> mujoco.MjsGeom:
     geom = body.add_geom(
         name=name,

@@ -6,9 +6,18 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from simpick.errors import ConfigError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rich.console import Console
+
+    from simpick.assets.part import Part
+    from simpick.pose_eval.pose_evaluation import PoseEvaluation
+    from simpick.pose_eval.pose_images import PoseImage
 
 
 @dataclass(frozen=True)
@@ -97,7 +106,7 @@ class Evaluate:
         targets = [t for t in targets if (t.scene_id, t.im_id) in chosen]
         detections = None if self.detections is None else read_detections(self.detections)
 
-        def part_of(name: str):
+        def part_of(name: str) -> Part:
             return dataset.models.part(dataset.models.obj_id(name))
 
         if self.results is not None:
@@ -153,7 +162,7 @@ class Evaluate:
             if writer is not None:
                 writer.check_new(seeds)
 
-            def images():
+            def images() -> Iterator[PoseImage]:
                 for bin_image in bin_images(config, seeds, self.noise):
                     if writer is not None:
                         im_id = export_bin(writer, bin_image)
@@ -170,7 +179,7 @@ class Evaluate:
         return 0
 
     @staticmethod
-    def _print(console, evaluation, title: str) -> None:
+    def _print(console: Console, evaluation: PoseEvaluation, title: str) -> None:
         from simpick.pose_eval.pose_runs import recall_table, summary_table
 
         console.print(recall_table(evaluation, title))

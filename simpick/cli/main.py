@@ -10,7 +10,7 @@ import contextlib
 import io
 import os
 import sys
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
@@ -63,7 +63,7 @@ def main(arguments: list[str] | None = None) -> int:
         return 130
 
 
-def _parse(arguments: list[str] | None):
+def _parse(arguments: list[str] | None) -> Any:
     """Return the command that the arguments ask for; exits on what the parser refuses.
 
     A setting that its own configuration refuses reaches the parser as a ValueError, which it reports under a name of

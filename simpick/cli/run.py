@@ -4,10 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import tyro
 
 from simpick.experiments.run_config import RunConfig
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from simpick.experiments.result_store import ResultStore
 
 
 @dataclass(frozen=True)
@@ -59,7 +65,7 @@ class Run:
         return 0
 
 
-def summary_table(config: RunConfig, store):
+def summary_table(config: RunConfig, store: ResultStore) -> Table:
     """Return the table of grasp scores that ends a run."""
     from rich.table import Table
 

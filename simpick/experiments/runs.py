@@ -84,7 +84,9 @@ def check_workers(workers: int) -> None:
         raise ConfigError(f"workers must be 1 or more, got {workers}")
 
 
-def run_recorded(config: RunConfig, episode: int, folder: Path | None, on_pick=None) -> EpisodeResult:
+def run_recorded(
+    config: RunConfig, episode: int, folder: Path | None, on_pick: Callable[[PickRecord], None] | None = None
+) -> EpisodeResult:
     """Run one episode, recorded into `folder` unless that is None."""
     if folder is None:
         return run_configured_episode(config, episode, on_pick=on_pick)

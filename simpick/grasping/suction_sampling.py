@@ -66,8 +66,10 @@ def suction_candidates(part: Part, config: SuctionConfig = SuctionConfig()) -> l
     grasps = [grasp for grasp in found if grasp is not None]
     pools = [(grasps, config.candidates)]
     steep = np.cos(np.radians(config.steepness_deg))
-    for floor in resting_floors(part):
-        pools.append(([g for g in grasps if -g.T_part_tcp[:3, 2] @ floor[:3] > steep], config.candidates_per_floor))
+    pools += [
+        ([g for g in grasps if -g.T_part_tcp[:3, 2] @ floor[:3] > steep], config.candidates_per_floor)
+        for floor in resting_floors(part)
+    ]
     return merged(
         [diverse(pool, part.symmetries, count=count, spacing_m=config.spacing_m) for pool, count in pools],
         part.symmetries,

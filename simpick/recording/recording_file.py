@@ -146,7 +146,7 @@ def _forget(file: RecordingFile) -> None:
 @atexit.register
 def _close_all() -> None:
     if _owner_pid == os.getpid():
-        for file in list(_open_files):
+        for file in tuple(_open_files):  # Closing takes a file out of the list.
             file.close()
 
 

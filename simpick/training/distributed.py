@@ -31,10 +31,10 @@ class Distributed:
         has_cuda = torch.cuda.is_available()
         if device == "cuda" and not has_cuda:
             raise ConfigError("device cuda was asked for, but torch finds none here; use --device cpu")
-        rank, count = int(os.environ.get("RANK", 0)), int(os.environ.get("WORLD_SIZE", 1))
+        rank, count = int(os.environ.get("RANK", "0")), int(os.environ.get("WORLD_SIZE", "1"))
         if device == "cpu" or not has_cuda:
             return Distributed(rank, count, torch.device("cpu"))
-        return Distributed(rank, count, torch.device("cuda", int(os.environ.get("LOCAL_RANK", 0))))
+        return Distributed(rank, count, torch.device("cuda", int(os.environ.get("LOCAL_RANK", "0"))))
 
     @property
     def is_first(self) -> bool:

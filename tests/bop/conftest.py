@@ -29,7 +29,7 @@ def parts() -> tuple[Part, Part]:
 
 
 @pytest.fixture(scope="session")
-def frames() -> tuple[CameraFrame, CameraFrame]:
+def frames() -> tuple[CameraFrame, ...]:
     rng = np.random.default_rng(0)
     camera = Pinhole(WIDTH, HEIGHT, 80.3, 80.1, 31.7, 24.9)
     return tuple(

@@ -107,6 +107,7 @@ def test_target_without_an_image(root):
 def test_images_resized_without_their_K(root, factor):
     path = root / "test/000004/rgb/000000.png"
     image = cv2.imread(str(path))
+    assert image is not None
     cv2.imwrite(str(path), cv2.resize(image, None, fx=factor, fy=factor))
     size = f"{round(64 * factor)} x {round(48 * factor)}"
     expected = rf"image 0: cam_K has its principal point at \(31\.2, 24\.4\) px, the image {size} px: .* scale fx, fy"
@@ -186,7 +187,9 @@ def test_object_that_models_info_does_not_list(root):
 
 def _scale_mesh(path, factor):
     header, body = path.read_text().split("end_header\n")
-    count = int(re.search(r"element vertex (\d+)", header)[1])
+    match = re.search(r"element vertex (\d+)", header)
+    assert match is not None
+    count = int(match[1])
     lines = body.splitlines()
     for k in range(count):
         values = lines[k].split()

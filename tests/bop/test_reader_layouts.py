@@ -48,11 +48,13 @@ def test_grey_tiff_images_and_depth_are_read(root, frames):
     (scene / "gray").mkdir()
     cv2.imwrite(str(scene / "gray/000000.tif"), grey)
     depth = cv2.imread(str(scene / "depth/000000.png"), cv2.IMREAD_UNCHANGED)
+    assert depth is not None
     cv2.imwrite(str(scene / "depth/000000.tif"), depth)
     for old in ("rgb/000000.png", "depth/000000.png"):
         (scene / old).unlink()
     frame = BopDataset(root).scene(4).frame(0)
     np.testing.assert_array_equal(frame.rgb, np.repeat(grey[..., None], 3, axis=2))
+    assert frame.depth_m is not None and frames[0].depth_m is not None
     np.testing.assert_allclose(frame.depth_m, frames[0].depth_m, atol=1e-4)
 
 
@@ -62,7 +64,9 @@ def test_depth_scale_of_each_image_is_honoured(root):
     cameras = json.loads(path.read_text())
     cameras["0"]["depth_scale"] = 1.0
     path.write_text(json.dumps(cameras))
-    np.testing.assert_allclose(BopDataset(root).scene(4).frame(0).depth_m, 10 * before, rtol=1e-6)
+    after = BopDataset(root).scene(4).frame(0).depth_m
+    assert before is not None and after is not None
+    np.testing.assert_allclose(after, 10 * before, rtol=1e-6)
 
 
 def test_the_camera_pose_may_have_short_names_or_none(root, frames):

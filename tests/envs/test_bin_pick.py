@@ -7,6 +7,7 @@ import sys
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium import spaces
 from gymnasium.utils.env_checker import check_env
 
 import simpick  # noqa: F401 - registers the environments
@@ -112,7 +113,7 @@ def test_async_vector_environments_work() -> None:
     envs = gymnasium.make_vec(
         "simpick/BinPick-v0", num_envs=2, vectorization_mode="async", vector_kwargs={"context": "spawn"}, count=2
     )
-    observation, _ = envs.reset(seed=[1, 2])
+    observation, _ = envs.reset(seed=[1, 2])  # pyright: ignore[reportArgumentType] - gymnasium takes a list
     assert observation["rgb"].shape == (2, 480, 640, 3)
     _, reward, *_ = envs.step(np.stack([ABSTAIN, ABSTAIN]))
     assert reward.tolist() == [-0.1, -0.1]
@@ -169,7 +170,8 @@ def test_outcomes_are_numbered_both_ways() -> None:
 def test_the_documented_table_names_every_observation() -> None:
     docs = observation_docs()
     env = BinPickEnv(parts=part_names()[:1], count=1)
-    assert all(f"`{key}`" in docs for key in env.observation_space)
+    assert isinstance(env.observation_space, spaces.Dict)
+    assert all(f"`{key}`" in docs for key in env.observation_space.spaces)
 
 
 def test_a_scene_that_blows_up_ends_as_a_fault_and_the_next_one_is_sound(capfd) -> None:

@@ -66,7 +66,8 @@ def test_each_environment_plays_what_a_single_one_plays(envs) -> None:
     alone, _ = single.reset()
     assert same(observations, 1, alone)
     assert not rewards.any() and not terminated.any() and "pick" not in infos
-    assert envs.render()[0].shape == (48, 64, 3)
+    images = envs.render()
+    assert isinstance(images, tuple) and isinstance(images[0], np.ndarray) and images[0].shape == (48, 64, 3)
     single.close()
 
 
@@ -87,7 +88,9 @@ def test_a_dead_worker_is_named_and_ends_the_whole() -> None:
     with pytest.raises(ConfigError, match=r"environment 0 has no scene yet: call reset\(\) first"):
         envs.truth(0)
     envs.reset(seed=0)
-    os.kill(envs.processes[1].pid, signal.SIGKILL)
+    pid = envs.processes[1].pid
+    assert pid is not None
+    os.kill(pid, signal.SIGKILL)
     with pytest.raises(WorkerDiedError, match=r"environment 1 with exit code -9\. A negative code .* memory"):
         envs.step(IDLE)
         envs.step(IDLE)

@@ -5,6 +5,7 @@ import pickle
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium import spaces
 from gymnasium.utils.env_checker import check_env
 
 import simpick  # noqa: F401 - registers the environments
@@ -131,7 +132,8 @@ def test_reset_tells_success_and_truth() -> None:
     assert info["is_success"] is False and info["truth"]["in_bin"].tolist() == [True, True]
     assert observation["remaining"] == 2
     assert observation["gripper_opening"] == pytest.approx(0.085, abs=1e-4)
-    assert set(env.observation_space) == set(observation)
+    assert isinstance(env.observation_space, spaces.Dict)
+    assert set(env.observation_space.spaces) == set(observation)
     env.close()
 
 
@@ -249,6 +251,7 @@ def test_a_teleoperated_jaw_delivers_the_only_part_and_succeeds() -> None:
     # The last part is out of the bin, but in the gripper: the work is not done.
     assert observation["remaining"] == 0 and not terminated
     steer(env, chute)
+    reward, truncated, info = 0.0, False, {}
     for _ in range(40):
         _, reward, terminated, truncated, info = env.step(np.array([0.0, 0, 0, 0, 0, 0, -1]))
         if terminated:
@@ -281,7 +284,7 @@ def test_a_bin_whose_parts_lie_on_the_table_is_cleared_without_success() -> None
     env = blind()
     env.reset(seed=0)
     stand(env, np.array([0.9, 0.5, -0.008]))
-    terminated = False
+    reward, terminated, info = 0.0, False, {}
     for _ in range(40):
         _, reward, terminated, _, info = env.step(HOLD)
         if terminated:
@@ -338,5 +341,6 @@ def test_bad_actions_are_refused(action: np.ndarray) -> None:
 
 def test_the_documented_tables_name_every_observation() -> None:
     docs = servo_observation_docs()
-    assert all(f"`{key}`" in docs for key in BinServoEnv(parts=("hex_nut",)).observation_space)
+    space = BinServoEnv(parts=("hex_nut",)).observation_space
+    assert isinstance(space, spaces.Dict) and all(f"`{key}`" in docs for key in space.spaces)
     assert f"{MAX_LINEAR_SPEED_M_S} m/s" in docs

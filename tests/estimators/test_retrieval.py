@@ -60,6 +60,7 @@ def test_poses_of_a_part_alone_are_close_to_the_truth(estimator, crank):
 @pytest.mark.render
 def test_a_batch_gives_what_single_detections_give(estimator, crank):
     (frame, detection, _), *_ = pictures(crank, 1)
+    assert detection.mask is not None
     other = Detection(crank.name, detection.box_xyxy_px, np.roll(detection.mask, 15, axis=1), 0.5)
     batch = estimator.estimate(frame, [detection, other])
     for single, together in zip([detection, other], batch, strict=True):
@@ -121,7 +122,7 @@ def test_a_box_without_a_mask_is_answered(estimator, crank):
 @pytest.mark.render
 def test_wrong_input_is_explained(estimator, crank):
     (frame, good, _), *_ = pictures(crank, 1)
-    assert isinstance(estimator, PoseEstimator)
+    assert isinstance(estimator, PoseEstimator) and good.mask is not None
     with pytest.raises(UnknownNameError, match=r"no onboarded part named 'nut'. Valid: crank_arm. Call onboard"):
         estimator.estimate(frame, [Detection("nut", good.box_xyxy_px, good.mask, 1.0)])
     with pytest.raises(ConfigError, match=r"mask must have the image's size 320 x 240 px, got 100 x 240"):

@@ -140,7 +140,7 @@ def test_random_rotations_are_uniform() -> None:
 def test_look_at_puts_the_target_on_the_axis(eye: tuple[float, ...]) -> None:
     T_world_camera = look_at(np.array(eye), np.zeros(3))
     target = transform_points(invert(T_world_camera), np.zeros((1, 3)))[0]
-    np.testing.assert_allclose(target, [0, 0, np.linalg.norm(eye)], atol=1e-12)
+    np.testing.assert_allclose(target, np.array([0, 0, np.linalg.norm(eye)]), atol=1e-12)
     assert np.linalg.det(T_world_camera[:3, :3]) == pytest.approx(1)
 
 

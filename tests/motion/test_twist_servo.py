@@ -85,6 +85,7 @@ def test_the_position_stays_in_the_workspace_and_slides_along_its_faces(kinemati
 
 def test_a_blocked_arm_is_led_by_a_bounded_angle(kinematics) -> None:
     arm, home = servo(kinematics), get_robot("ur5e").home_qpos
+    commands = []
     for _ in range(20):
         commands = arm.commands(np.array([0.2, 0, 0, 0, 0, 0]), home, PERIODS_S)
     # The lead is cut back before each tick, in which the command goes on by at most its speed.

@@ -67,8 +67,11 @@ def test_a_blurred_estimate_is_corrected_before_the_descent(env) -> None:
 
     env.on_look = look
     action = policy.act(observation)
+    assert policy.decision is not None
     target = policy.decision.target
-    true = next(t.T_world_part for t in env.truth() if t.instance == target.detection.instance)
+    assert target is not None and target.detection is not None
+    instance = target.detection.instance
+    true = next(t.T_world_part for t in env.truth() if t.instance == instance)
     *_, info = env.step(action)
     ((aimed, corrected),) = corrections
     T_world_estimate = policy.decision.T_world_camera @ target.T_camera_part
@@ -79,7 +82,8 @@ def test_a_blurred_estimate_is_corrected_before_the_descent(env) -> None:
     T_part_tcp = invert(part.symmetries.closest_equivalent(true, T_world_estimate)) @ corrected
     np.testing.assert_allclose(T_part_tcp, invert(T_world_estimate) @ aimed, atol=0.02)
     np.testing.assert_allclose(T_part_tcp[:3, 3], (invert(T_world_estimate) @ aimed)[:3, 3], atol=1.5e-3)
-    assert policy.closer_view.detection.instance == target.detection.instance
+    assert policy.closer_view is not None and policy.closer_view.detection is not None
+    assert policy.closer_view.detection.instance == instance
     assert info["pick"].stages[:3] == ("approach", "look", "descend")
     assert info["pick"].outcome is PickOutcome.SUCCESS
 
@@ -101,7 +105,9 @@ def test_what_is_far_off_or_nothing_leaves_the_grasp_as_it_was(env, shift_m) -> 
             return moved
 
         env.on_look = look if looks else None
-        policy.perception.estimator._rng = np.random.default_rng(3)
+        estimator = policy.perception.estimator
+        assert isinstance(estimator, OracleEstimator)
+        estimator._rng = np.random.default_rng(3)
         *_, info = env.step(policy.act(observation))
         outcomes.append(info)
     assert ("look" in outcomes[1]["pick"].stages) and "look" not in outcomes[0]["pick"].stages
@@ -116,7 +122,8 @@ def test_a_target_that_is_not_where_it_is_expected_is_not_mistaken_for_another(e
     closer = CloserLook(OracleRefiner(env.truth), detector, env.parts)
     truth = env.truth()[0]
     found = closer.refined(frame, truth.part, truth.T_world_part)
-    assert found is not None and found.detection.instance == truth.instance and found.mode == "closer_look"
+    assert found is not None and found.detection is not None
+    assert found.detection.instance == truth.instance and found.mode == "closer_look"
     elsewhere = truth.T_world_part.copy()
     elsewhere[:2, 3] += 0.4
     assert closer.refined(frame, truth.part, elsewhere) is None

@@ -3,6 +3,7 @@
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium import spaces
 from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import FilterObservation
 
@@ -76,7 +77,8 @@ def test_the_environment_s_own_observation_stays_as_it_is(env) -> None:
     observation, _ = wrapped.reset(seed=1)
     assert all(np.array_equal(observation[key], plain[key]) for key in plain)
     assert set(observation) - set(plain) == {item.key for item in POSE_TABLE}
-    assert set(wrapped.observation_space) == set(observation)
+    assert isinstance(wrapped.observation_space, spaces.Dict)
+    assert set(wrapped.observation_space.spaces) == set(observation)
     assert set(env.observation_space) == set(plain)
 
 

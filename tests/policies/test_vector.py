@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from gymnasium import spaces
 
 from simpick.cli.main import main
 from simpick.envs.bin_pick import BinPickEnv
@@ -89,6 +90,7 @@ def test_the_wrapper_observes_what_single_wrappers_observe(envs) -> None:
     wrapped = PoseVectorObservation(envs, make_vector_perceptions(BLURRED, envs, rngs()))
     observations, _ = wrapped.reset(seed=5)
     assert observations in wrapped.observation_space
+    assert isinstance(wrapped.single_observation_space, spaces.Dict)
     assert wrapped.single_observation_space["estimated_poses"].shape == (50, 4, 4)
     env = BinPickEnv(scene_config=SCENE)
     single = PoseObservation(env, make_perception(BLURRED, env, rngs()[1]))

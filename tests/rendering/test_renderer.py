@@ -68,6 +68,7 @@ def test_scene_depth_is_metric_and_floor_is_seen_between_the_parts(boxes):
 def test_instances_and_colours_agree_and_collision_geoms_and_sites_are_hidden(boxes):
     with SceneRenderer(boxes) as renderer:
         frame = renderer.capture()
+    assert frame.instances is not None
     inner = {k: frame.rgb[frame.instances == k].mean(axis=0) for k in (0, 1)}
     assert inner[0].argmax() == 0 and inner[1].argmax() == 1
     assert set(np.unique(frame.instances)) == {-1, 0, 1}
@@ -77,6 +78,8 @@ def test_a_camera_of_the_model_and_the_same_pinhole_see_the_same(boxes):
     with Renderer(boxes.model, CAMERA.height, CAMERA.width) as renderer:
         named = renderer.render(boxes.data, "overhead", depth=True, geoms=True)
         free = renderer.render(boxes.data, Viewpoint(CAMERA, boxes.T_world_camera), depth=True, geoms=True)
+    assert named.depth_m is not None and free.depth_m is not None
+    assert named.rgb is not None and free.rgb is not None
     np.testing.assert_array_equal(named.geoms, free.geoms)
     np.testing.assert_allclose(named.depth_m, free.depth_m, atol=1e-5)
     assert np.abs(named.rgb.astype(int) - free.rgb).max() <= 2
@@ -87,6 +90,7 @@ def test_only_draws_the_named_geoms_and_leaves_the_model_as_it_was(boxes):
     hidden = boxes.model.geom("visual_0").id
     with Renderer(boxes.model, CAMERA.height, CAMERA.width) as renderer:
         alone = renderer.render(boxes.data, "overhead", geoms=True, only=[hidden]).geoms
+    assert alone is not None
     assert set(np.unique(alone)) == {-1, hidden}
     np.testing.assert_array_equal(boxes.model.geom_group, groups)
 
@@ -107,6 +111,7 @@ def test_a_replaced_model_is_followed(boxes):
         mujoco.mj_forward(other.model, other.data)
         boxes.model, boxes.data = other.model, other.data
         frame = renderer.capture()
+    assert frame.depth_m is not None
     np.testing.assert_allclose(frame.depth_m[frame.instances == 0], 0.799, atol=1e-5)
 
 

@@ -88,6 +88,7 @@ def test_turning_the_image_equals_turning_the_camera(wedge, cache):
     views, angles = np.array([3, 17, 30]), np.radians([30.0, 100.0, -75.0])
     rgb, masks, Ts_camera_part = templates.turned(views, angles)
     rendered = render_part_views(wedge, Ts_camera_part, templates.camera)
+    assert rendered.rgb is not None
     for k in range(3):
         union = (masks[k] | rendered.masks[k]).sum()
         assert (masks[k] & rendered.masks[k]).sum() > 0.97 * union

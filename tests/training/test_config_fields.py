@@ -57,7 +57,7 @@ def test_every_weight_has_a_loss_of_its_name() -> None:
 
     named = {field.name for field in fields(LossWeights)}
     terms = {n.value for n in ast.walk(ast.parse(Path(losses.__file__).read_text())) if isinstance(n, ast.Constant)}
-    for file in ("training_step.py", "flow_targets.py"):
+    for file in ("training_step.py", "data/flow_targets.py"):
         step = Path(simpick.__file__).parent / "training" / file
         terms |= {n.value for n in ast.walk(ast.parse(step.read_text())) if isinstance(n, ast.Constant)}
     assert named <= terms

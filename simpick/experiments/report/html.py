@@ -17,11 +17,12 @@ from simpick.errors import OutputError
 from simpick.experiments.analysis.error_tolerance import SuccessShare, success_by_pose
 from simpick.experiments.analysis.failure_causes import count_causes
 from simpick.experiments.analysis.grasp_scores import PERCEPTION_STAGES
-from simpick.experiments.analysis.paired import MEASURES, PairedStatistics, best_mode, executed
+from simpick.experiments.analysis.paired import MEASURES, Measure, PairedStatistics, best_mode, executed
 from simpick.experiments.comparison import Comparison
 from simpick.experiments.modes import parse_mode
 from simpick.experiments.report.plots import PLOTS, mode_colours
 from simpick.experiments.report.tables import DIFFERENCES, cause_cells, cause_headings, heading, number
+from simpick.metrics.intervals import Interval
 
 REPORT_FILE = "report.html"
 TEMPLATE = Path(__file__).with_name("report_template.html")
@@ -175,7 +176,7 @@ def _differences(statistics: PairedStatistics) -> str:
         return "<p>One mode was run; there is nothing to hold it against.</p>"
     shown = [measure for measure in MEASURES if measure.key in DIFFERENCES]
 
-    def cell(interval, measure) -> str:
+    def cell(interval: Interval, measure: Measure) -> str:
         if interval.low != interval.low:
             return "-"
         value = number(interval.value, measure, sign=True)

@@ -108,6 +108,7 @@ def test_the_same_image_gives_the_same_answer_alone_and_in_a_batch(coarse, crank
 
 
 def replace_detection(detection: Detection) -> Detection:
+    assert detection.mask is not None
     mask = detection.mask.copy()
     mask[:, : int(detection.box_xyxy_px[[0, 2]].mean())] = False
     return replace(detection, mask=mask)

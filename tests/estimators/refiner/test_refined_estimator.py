@@ -6,7 +6,6 @@ from unittest.mock import Mock
 
 import numpy as np
 
-import simpick.estimators.refiner
 from simpick.assets.library import get_part
 from simpick.estimators import PoseEstimator
 from simpick.estimators.refiner import RefinedEstimator, read_confidence
@@ -92,7 +91,7 @@ def test_flips_keep_the_box_in_place_and_leave_out_symmetric_ones():
 
 
 def test_the_shipped_modes_say_probabilities(monkeypatch):
-    monkeypatch.setattr("simpick.estimators.refiner.RefinedEstimator", Mock())
+    make = Mock()
+    monkeypatch.setattr("simpick.estimators.refiner.RefinedEstimator", make)
     load_estimator("retrieval_refined")
-    make = simpick.estimators.refiner.RefinedEstimator
     assert make.call_args.kwargs == {"mode": "retrieval_refined", "confidence": read_confidence()}

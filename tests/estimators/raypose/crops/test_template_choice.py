@@ -70,9 +70,9 @@ def test_drawn_coarse_templates_cover_the_sphere_in_every_draw_and_differ() -> N
     assert len({tuple(views) for views in draws}) > 40
     assert len({int(v) for views in draws for v in views}) > 120
     again = [draw_over_sphere(RS, 8, np.random.default_rng(0)) for _ in range(2)]
-    assert np.array_equal(*again)
+    assert np.array_equal(again[0], again[1])
     fixed = [draw_over_sphere(RS, 8, rng, fixed=True) for _ in range(2)]
-    assert np.array_equal(*fixed) and np.array_equal(fixed[0], spread_over_sphere(RS, 8))
+    assert np.array_equal(fixed[0], fixed[1]) and np.array_equal(fixed[0], spread_over_sphere(RS, 8))
 
 
 @pytest.mark.parametrize("spread_deg", [30.0, 60.0])

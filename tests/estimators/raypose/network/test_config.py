@@ -70,7 +70,7 @@ def test_every_field_changes_the_network(name: str) -> None:
 
 @functools.cache
 def attributes_read() -> set[str]:
-    files = [*(ROOT / "estimators/raypose").glob("*.py"), *(ROOT / "simpick/training").glob("*.py")]
+    files = [*(ROOT / "estimators/raypose").rglob("*.py"), *(ROOT / "simpick/training").rglob("*.py")]
     return {
         node.attr
         for file in files

@@ -98,6 +98,7 @@ def test_the_gradient_is_that_of_the_solution() -> None:
             for sign in (1, -1)
         ]
     expected = float(ends[0] - ends[1]) / 2
+    assert points.grad is not None
     assert float((points.grad * step).sum()) == pytest.approx(expected, rel=0.15)
 
 
