@@ -55,7 +55,7 @@ class Outer(Config):
 
 
 @pytest.mark.parametrize(
-    "values, text",
+    ("values", "text"),
     [
         ({"window": 0}, "window must be at least 1, got 0"),
         ({"window": 64.5}, "window must be an integer, got 64.5"),
@@ -119,7 +119,7 @@ def test_integers_in_json_become_floats_where_floats_are_asked_for() -> None:
 
 
 @pytest.mark.parametrize(
-    "values, text",
+    ("values", "text"),
     [
         ([1], "Outer must be an object with settings by name, got [1]"),
         ({}, "window is missing"),
