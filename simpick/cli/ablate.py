@@ -45,7 +45,7 @@ class Ablate:
         from simpick.training.config_file import load_train_config
         from simpick.training.curves import plot_scaling, read_log
         from simpick.training.progress import TrainProgress
-        from simpick.training.run_folder import RunFolder
+        from simpick.training.run_folder import TrainingFolder
         from simpick.training.trainer import Budget
 
         budget = Budget(self.minutes, self.steps)
@@ -70,7 +70,7 @@ class Ablate:
         console.print(Markdown(text))
         files = ablations.write_results(self.out, self.what, results, text)
         plot = self.out / f"{self.what}.png"
-        plot_scaling({by_name[name].label: read_log(self.out / name / RunFolder.LOG) for name in names}, plot)
+        plot_scaling({by_name[name].label: read_log(self.out / name / TrainingFolder.LOG) for name in names}, plot)
         for file in [*files, plot]:
             console.print(f"written: {file}", soft_wrap=True)
         return 0

@@ -90,7 +90,7 @@ class Train:
         from simpick.training.curves import write_curves
         from simpick.training.distributed import Distributed
         from simpick.training.progress import TrainProgress
-        from simpick.training.run_folder import RunFolder
+        from simpick.training.run_folder import TrainingFolder
         from simpick.training.trainer import Budget, train
 
         network, config, budget = self.network(), self.training(), Budget(self.minutes, self.steps)
@@ -116,7 +116,7 @@ class Train:
                 raise
             return 130
         if is_first:
-            log = folder / RunFolder.LOG
+            log = folder / TrainingFolder.LOG
             for file in [weights, *write_curves(log, recording_id=f"training-{folder.name}")]:
                 console.print(f"written: {file}", soft_wrap=True)
         return 0

@@ -86,7 +86,7 @@ class Comparison:
 
     def recording(self, result: EpisodeResult) -> Path | None:
         """Return the recording of an episode; None if it was run without."""
-        file = recording_file(self.store.folder, self.runs[result.mode], result.episode)
+        file = recording_file(self.store.path, self.runs[result.mode], result.episode)
         return file if file.exists() else None
 
 

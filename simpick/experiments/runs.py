@@ -60,7 +60,7 @@ def run_jobs(
         OutputError: the disk is full.
     """
     missing = [job for job in jobs if job.key not in store]
-    folder = store.folder if record else None
+    folder = store.path if record else None
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     with Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=console) as progress:
         task = progress.add_task("episodes", total=len(jobs), completed=len(jobs) - len(missing))

@@ -12,12 +12,11 @@ from typing import Any
 from rich.box import SIMPLE
 from rich.table import Table
 
-from simpick.caching import atomic_write_text
-from simpick.errors import OutputError
 from simpick.metrics.summaries import PoseSummary
 from simpick.pose_eval.benchmark_bins import benchmark_bins
 from simpick.pose_eval.benchmark_runs import PoseBenchmarkResult
 from simpick.pose_eval.pose_evaluation import PoseEvaluation
+from simpick.run_folder import RunFolder
 
 YARDSTICK_FILE = "yardstick.json"
 _ERRORS = ("deg", "mm", "depth %", "<5 deg", "<15 deg", "<30 deg")
@@ -102,40 +101,25 @@ def onboarding_line(result: PoseBenchmarkResult) -> str | None:
     return f"onboarding: {count} parts in {total:.1f} s, {total / count:.2f} s a part (less where cached before)"
 
 
-class PoseBenchmarkStore:
-    """A folder for one yardstick's figures: ``yardstick.json``, replaced as a whole after each estimator."""
+class PoseBenchmarkStore(RunFolder):
+    """A folder for one benchmark's figures: ``yardstick.json``, replaced as a whole after each estimator."""
 
-    def __init__(self, folder: Path, settings: dict[str, Any], *, overwrite: bool = False) -> None:
+    def __init__(self, path: Path, settings: dict[str, Any], *, overwrite: bool = False) -> None:
         """Take a folder, made if missing; `settings` are written beside the figures.
 
         Raises:
             OutputError: the folder cannot be written, holds other files, or holds figures and `overwrite` is not set.
         """
-        self.file = folder / YARDSTICK_FILE
+        super().__init__(path, None, config_file=YARDSTICK_FILE, overwrite=overwrite)
+        self.file = path / YARDSTICK_FILE
         self._settings = settings
         self._results: list[dict[str, Any]] = []
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            present = sorted(entry.name for entry in folder.iterdir())
-        except OSError as error:
-            raise OutputError(
-                f"figures cannot be written to {folder}: {error.strerror}. Choose another with --out"
-            ) from error
-        if YARDSTICK_FILE in present and not overwrite:
-            raise OutputError(
-                f"{self.file} exists already. Choose another folder with --out, or --overwrite to replace it"
-            )
-        if present and YARDSTICK_FILE not in present:
-            raise OutputError(
-                f"{folder} must be empty or hold figures of the yardstick, it holds {', '.join(present[:5])}. "
-                "Choose another folder with --out"
-            )
 
     def add(self, result: PoseBenchmarkResult) -> None:
         """Add an estimator's figures and write the file."""
         self._results.append(to_json(result))
         content = {**self._settings, "results": self._results}
-        atomic_write_text(self.file, json.dumps(_without_nan(content), indent=2, allow_nan=False) + "\n")
+        self.write(YARDSTICK_FILE, json.dumps(_without_nan(content), indent=2, allow_nan=False) + "\n")
 
 
 def to_json(result: PoseBenchmarkResult) -> dict[str, Any]:

@@ -29,7 +29,7 @@ from simpick.training.data.shard_stream import ShardStream
 from simpick.training.distributed import Distributed
 from simpick.training.graceful_stop import GracefulStop
 from simpick.training.resources import Resources
-from simpick.training.run_folder import RunFolder
+from simpick.training.run_folder import TrainingFolder
 from simpick.training.training_step import loss_terms, matching_terms
 from simpick.training.validation import Validation
 
@@ -80,7 +80,8 @@ def train(
     the run that is done.
 
     Raises:
-        ConfigError: the folder holds another run; a frozen image encoder has no weights; there are more templates in
+        OutputError: the folder holds another run, or cannot be written.
+        ConfigError: a frozen image encoder has no weights; there are more templates in
             training than the network takes.
         SimpickError: data cannot be made, or the loss is not a number any more.
         KeyboardInterrupt: Ctrl-C or SIGTERM; the step at hand was finished and the state saved.
@@ -91,7 +92,7 @@ def train(
     processes = Distributed.from_environment(resources.device)
     if resources.threads:
         torch.set_num_threads(resources.threads)
-    run = RunFolder(folder, {"network": network.to_json(), "training": asdict(config)}, processes.rank)
+    run = TrainingFolder(folder, {"network": network.to_json(), "training": asdict(config)}, processes.rank)
     state = _start(network, config, processes.device, start_from, dino_weights)
     if saved := run.load_state():
         state.load(saved)
@@ -172,7 +173,7 @@ class _Trainer:
         budget: Budget,
         resources: Resources,
         processes: Distributed,
-        run: RunFolder,
+        run: TrainingFolder,
         state: _State,
         on_row: Callable[[dict[str, Any], float], None],
     ) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from simpick import run_folder
 from simpick.cli.main import main
 from simpick.errors import OutputError, SimpickError
 from simpick.estimators import registry
@@ -139,7 +140,7 @@ def test_other_folders_are_left_alone(whole: Path, tmp_path: Path, capsys) -> No
     assert (whole / "results.jsonl").read_text() == before
     (tmp_path / "thesis.tex").write_text("precious")
     assert main([*MODES, *SMALL, "--out", str(tmp_path)]) == 2
-    assert "must be empty or hold results of simpick, it holds thesis.tex" in capsys.readouterr().err
+    assert "must be empty or hold earlier results of the same command, it holds thesis.tex" in capsys.readouterr().err
 
 
 def test_a_full_disk_keeps_what_is_finished(whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -147,11 +148,11 @@ def test_a_full_disk_keeps_what_is_finished(whole: Path, tmp_path: Path, monkeyp
     first, second, *_ = read_results(whole / "results.jsonl")
     store.add(first)
 
-    def full(target: Path, content: str) -> None:
+    def full(target: Path, content: bytes) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(result_store, "atomic_write_text", full)
-    with pytest.raises(OutputError, match=r"No space left on device\. The 1 episodes finished before it are kept"):
+    monkeypatch.setattr(run_folder, "atomic_write_bytes", full)
+    with pytest.raises(OutputError, match=r"No space left on device\. What was finished before is kept"):
         store.add(second)
     assert second.key not in store
     assert read_results(tmp_path / "out" / "results.jsonl") == [first]

@@ -80,7 +80,7 @@ def test_more_episodes_go_on_and_fewer_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("text", ['{"seed": ', "[]"])
 def test_a_damaged_configuration_is_named(text: str, tmp_path: Path) -> None:
     (tmp_path / "config.json").write_text(text)
-    with pytest.raises(OutputError, match=r"config.json does not name a configuration of simpick.*--overwrite"):
+    with pytest.raises(OutputError, match=r"config.json does not state a configuration of simpick.*--overwrite"):
         ResultStore(tmp_path, CONFIG)
     assert ResultStore(tmp_path, CONFIG, overwrite=True).results == ()
 
@@ -95,7 +95,7 @@ def test_overwriting_removes_only_results(tmp_path: Path) -> None:
 
 def test_a_folder_of_other_files_is_refused(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("precious")
-    with pytest.raises(OutputError, match=r"must be empty or hold results of simpick, it holds thesis.tex"):
+    with pytest.raises(OutputError, match=r"must be empty or hold earlier results .*, it holds thesis.tex"):
         ResultStore(tmp_path, CONFIG)
 
 

@@ -177,9 +177,9 @@ def test_figures_are_not_written_over_anything_by_accident(tmp_path: Path, capsy
     assert main([*command, "--overwrite"]) == 0
     (tmp_path / "notes.txt").write_text("mine")
     assert main([*command[:-1], str(tmp_path / "notes.txt")]) == 2
-    assert "figures cannot be written to" in capsys.readouterr().err
+    assert "results cannot be written to" in capsys.readouterr().err
     assert main([*command[:-1], str(tmp_path), "--overwrite"]) == 2
-    assert "must be empty or hold figures of the yardstick, it holds notes.txt, out" in capsys.readouterr().err
+    assert "earlier results of the same command, it holds notes.txt, out" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

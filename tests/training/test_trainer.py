@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from simpick.errors import ConfigError, SimpickError
+from simpick.errors import ConfigError, OutputError, SimpickError
 from simpick.estimators.raypose.checkpoints import load_checkpoint
 from simpick.estimators.raypose.network.config import preset
 from simpick.estimators.raypose.network.losses import LossWeights
@@ -126,9 +126,9 @@ def test_weights_of_another_size_are_refused(straight: Path, resources: Resource
 def test_a_folder_of_another_run_is_refused_with_what_differs(straight: Path, resources: Resources) -> None:
     other = replace(TINY_TRAINING, learning_rate=5e-4, data=replace(TINY, tilt_deg=10.0))
     with pytest.raises(
-        ConfigError,
-        match=r"holds a run with another network\.spread_deg, training\.data\.tilt_deg, training\.learning_rate; "
-        r"choose another folder with --out",
+        OutputError,
+        match=r"another configuration: network\.spread_deg \(\S+ there, 15\.0 now\), training\.data\.tilt_deg \(.*\), "
+        r"training\.learning_rate \(.*, 0\.0005 now\)\. .* Choose another folder with --out$",
     ):
         train(replace(NETWORK, spread_deg=15.0), other, Budget(steps=STEPS), straight, resources=resources)
 
@@ -137,7 +137,7 @@ def test_a_damaged_state_is_said_and_kept(straight: Path, resources: Resources, 
     (tmp_path / "config.json").write_bytes((straight / "config.json").read_bytes())
     damaged = (straight / "state.pt").read_bytes()[:5000]
     (tmp_path / "state.pt").write_bytes(damaged)
-    with pytest.raises(ConfigError, match=r"state\.pt is damaged .* delete it to begin anew"):
+    with pytest.raises(ConfigError, match=r"state\.pt is damaged .* delete it to begin again"):
         train(NETWORK, TINY_TRAINING, Budget(steps=STEPS), tmp_path, resources=resources)
     assert (tmp_path / "state.pt").read_bytes() == damaged
 

@@ -12,8 +12,6 @@ from pathlib import Path
 from string import Template
 from urllib.parse import quote
 
-from simpick.caching import atomic_write_bytes, atomic_write_text
-from simpick.errors import OutputError
 from simpick.experiments.analysis.error_tolerance import SuccessShare, success_by_pose
 from simpick.experiments.analysis.failure_causes import count_causes
 from simpick.experiments.analysis.grasp_scores import PERCEPTION_STAGES
@@ -35,18 +33,10 @@ def write_report(comparison: Comparison) -> Path:
     Raises:
         OutputError: the disk is full or gone; results are not touched.
     """
-    folder = comparison.store.folder
-    try:
-        plots = {name: draw(comparison) for name, draw in PLOTS.items()}
-        for name, svg in plots.items():
-            atomic_write_bytes(folder / "plots" / f"{name}.svg", svg.encode())
-        atomic_write_text(folder / REPORT_FILE, report_html(comparison, plots))
-    except OSError as error:
-        raise OutputError(
-            f"the report could not be written to {folder}: {error.strerror or error}. All results are kept: make room "
-            "and run the same command again"
-        ) from error
-    return folder / REPORT_FILE
+    plots = {name: draw(comparison) for name, draw in PLOTS.items()}
+    for name, svg in plots.items():
+        comparison.store.write(f"plots/{name}.svg", svg)
+    return comparison.store.write(REPORT_FILE, report_html(comparison, plots))
 
 
 def report_html(comparison: Comparison, plots: dict[str, str]) -> str:
@@ -70,7 +60,7 @@ def report_html(comparison: Comparison, plots: dict[str, str]) -> str:
         causes=_causes(comparison),
         recordings=_recordings(comparison),
         noise=escape(f"{config.noise_deg:g} deg and {config.noise_mm:g} mm"),
-        config=escape(json.dumps(comparison.store.config, indent=2)),
+        config=escape(json.dumps(comparison.store.provenance, indent=2)),
         versions=escape(", ".join(f"{name} {version(name)}" for name in ("simpick", "mujoco", "torch", "numpy"))),
         machine=escape(f"Python {platform.python_version()}, {platform.system()} {platform.machine()}"),
     )

@@ -1,0 +1,150 @@
+"""`RunFolder`: a folder with the results of one configuration, where a run that was stopped resumes."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from simpick.caching import atomic_write_bytes
+from simpick.errors import OutputError
+
+CONFIG_FILE = "config.json"
+
+
+def differences(before: Any, now: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any, Any]]:
+    """Yield the keys that lead to each value that differs, and both values; None stands for a missing one."""
+    if isinstance(before, dict) and isinstance(now, dict):
+        for key in sorted(before.keys() | now.keys()):
+            yield from differences(before.get(key), now.get(key), (*path, key))
+    elif before != now:
+        yield path, before, now
+
+
+def describe(name: str, before: Any, now: Any) -> str:
+    """Return a difference in words: ``seed (0 there, 1 now)``."""
+    there, here = ("none" if value is None else repr(value) for value in (before, now))
+    return f"{name} ({there} there, {here} now)"
+
+
+def all_changes(before: dict[str, Any], now: dict[str, Any]) -> list[str]:
+    """Return every difference in words, by the dotted name of the setting."""
+    return [describe(".".join(path), *values) for path, *values in differences(before, now)]
+
+
+class RunFolder:
+    """A folder whose files all follow from one provenance, which a JSON file in it states."""
+
+    def __init__(
+        self,
+        path: Path,
+        provenance: dict[str, Any] | None,
+        *,
+        config_file: str = CONFIG_FILE,
+        results: Sequence[str] = (),
+        changes: Callable[[dict[str, Any], dict[str, Any]], list[str]] = all_changes,
+        overwrite: bool | None = None,
+        is_owner: bool = True,
+    ) -> None:
+        """Open a folder, made if missing.
+
+        Args:
+            path: The folder.
+            provenance: What the results depend on, as plain values; None for a run that cannot be resumed.
+            config_file: Name of the file that states the provenance.
+            results: Patterns of the other files that a run of this kind leaves here.
+            changes: Returns what forbids to resume, in words, from the provenance found and the one given.
+            overwrite: Delete the files of an earlier run; None for a command that has no such option.
+            is_owner: Whether this process writes; others of the same run only compare the provenance.
+
+        Raises:
+            OutputError: the folder cannot be written, holds other files, or holds results of another provenance.
+        """
+        self.path = path
+        self.provenance: dict[str, Any] = json.loads(json.dumps(provenance or {}))
+        """As the configuration file states it."""
+        file = path / config_file
+        remedy = "Choose another folder with --out" + (", or --overwrite to replace them" * (overwrite is not None))
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            if is_owner and not file.exists():
+                self._refuse_other_files()
+            if overwrite:
+                for old in (old for pattern in (config_file, *results) for old in path.glob(pattern)):
+                    old.unlink()
+            found = _read(file, remedy) if file.exists() else None
+        except OSError as error:
+            if isinstance(error, OutputError):
+                raise
+            is_file = isinstance(error, FileExistsError | NotADirectoryError)
+            reason = "a file is in the way" if is_file else error.strerror or str(error)
+            raise OutputError(
+                f"results cannot be written to {path}: {reason}. Choose a folder that you may write with --out"
+            ) from error
+        if found is not None and provenance is None:
+            raise OutputError(f"{file} exists already. {remedy}")
+        if found is not None and (changed := changes(found, self.provenance)):
+            raise OutputError(
+                f"{path} holds results of another configuration: {', '.join(changed)}. They are left as they are. "
+                f"{remedy}"
+            )
+        if is_owner and provenance is not None and found != self.provenance:
+            self.write(config_file, json.dumps(self.provenance, indent=2) + "\n")
+
+    def write(self, name: str, content: str | bytes) -> Path:
+        """Replace a file of the folder as a whole and return its path; after an error it is as it was.
+
+        Raises:
+            OutputError: the disk is full or gone.
+        """
+        with self._explained(name):
+            atomic_write_bytes(self.path / name, content.encode() if isinstance(content, str) else content)
+        return self.path / name
+
+    def append(self, name: str, row: dict[str, Any]) -> None:
+        """Append a JSON object as one line; after an error the file is as it was.
+
+        Raises:
+            OutputError: the disk is full or gone.
+        """
+        line = (json.dumps(row) + "\n").encode()
+        with self._explained(name), (self.path / name).open("ab", buffering=0) as stream:
+            end = stream.tell()
+            if stream.write(line) < len(line):
+                stream.truncate(end)
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    @contextmanager
+    def _explained(self, name: str) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise OutputError(
+                f"{name} could not be written to {self.path}: {error.strerror or error}. What was finished before is "
+                "kept: make room and run the same command again to resume"
+            ) from error
+
+    def _refuse_other_files(self) -> None:
+        """Raise `OutputError` if the folder, which has no configuration file, is not empty."""
+        if unexpected_files := sorted(file.name for file in self.path.iterdir()):
+            raise OutputError(
+                f"{self.path} must be empty or hold earlier results of the same command, it holds "
+                f"{', '.join(unexpected_files[:5])}. Choose another folder with --out"
+            )
+
+
+def _read(file: Path, remedy: str) -> dict[str, Any]:
+    try:
+        found = json.loads(file.read_text())
+    except ValueError:
+        found = None
+    if not isinstance(found, dict):
+        raise OutputError(
+            f"{file} does not state a configuration of simpick, so nothing can be added to the results beside it. "
+            f"{remedy}"
+        )
+    return found
