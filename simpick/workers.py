@@ -41,23 +41,24 @@ class LostCallError(SimpickError, RuntimeError):
 class WorkerLimits:
     """When a worker process counts as hung, and when it is given up."""
 
-    first_call_s: float = 180.0
-    """Longest time from the start of a process to the end of its first call, imports and OpenGL included."""
-    call_s: float = 120.0
-    """Longest time of each later call."""
+    first_call_s: float | None = 180.0
+    """Longest time from the start of a process to the end of its first call, imports and OpenGL included; None: any."""
+    call_s: float | None = 120.0
+    """Longest time of each later call; None: any."""
     failures: int = 3
     """A worker whose processes died or hung this many times in a row is not started again, nor is a call repeated that
     lost this many processes."""
 
     def __post_init__(self) -> None:
         for name in ("first_call_s", "call_s"):
-            if not getattr(self, name) > 0:
-                raise ConfigError(f"{name} must be positive, got {getattr(self, name)}")
+            value = getattr(self, name)
+            if value is not None and not value > 0:
+                raise ConfigError(f"{name} must be positive, got {value}")
         if self.failures < 1:
             raise ConfigError(f"failures must be 1 or more, got {self.failures}")
 
 
-UNLIMITED = WorkerLimits(math.inf, math.inf, failures=2)
+UNLIMITED = WorkerLimits(None, None, failures=2)
 """For calls that take as long as they take; one that ends its process is repeated once."""
 
 
@@ -264,7 +265,8 @@ class WorkerPool:
                 self._waiting.appendleft(call)
 
     def _limit_s(self, worker: _Worker) -> float:
-        return self._limits.call_s if worker.proven else self._limits.first_call_s
+        limit_s = self._limits.call_s if worker.proven else self._limits.first_call_s
+        return math.inf if limit_s is None else limit_s
 
     @staticmethod
     def _end(workers: list[_Worker]) -> None:
