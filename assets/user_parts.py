@@ -10,9 +10,11 @@ import shutil
 import tempfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import trimesh
+from annotated_types import Interval
 
 from simpick.assets.cad_files import SUFFIXES, read_cad
 from simpick.assets.convex_pieces import convex_pieces
@@ -20,6 +22,7 @@ from simpick.assets.part import Material, Part
 from simpick.assets.symmetry_detection import detect_symmetries
 from simpick.assets.units import Unit, choose_unit
 from simpick.caching import atomic_path, cache_dir, cache_key, read_npz
+from simpick.config import Config, Fraction
 from simpick.errors import ConfigError, MeshError, OutputError, UnknownNameError
 from simpick.geometry.symmetry import ContinuousSymmetry, SymmetryGroup
 from simpick.geometry.transforms import transform
@@ -30,23 +33,17 @@ _SETTINGS = "part.json"
 
 
 @dataclass(frozen=True)
-class CadSettings:
+class CadSettings(Config):
     """How a CAD file becomes a part."""
 
     unit: Unit = "auto"
     """Unit of the file's coordinates; "auto" takes mm or m by plausible size."""
-    density_kg_m3: float = 1200.0
+    density_kg_m3: Annotated[float, Interval(ge=50, le=25000)] = 1200.0
     """Density of the solid: about 1200 for plastic, 2700 for aluminium, 7850 for steel."""
-    rgb: tuple[float, float, float] = (0.6, 0.6, 0.62)
+    rgb: tuple[Fraction, Fraction, Fraction] = (0.6, 0.6, 0.62)
     """Colour, each channel between 0 and 1."""
     simplify: bool = False
     """Merge facets within 0.1 % of the size while reading: for meshes with very many faces."""
-
-    def __post_init__(self) -> None:
-        if not 50 <= self.density_kg_m3 <= 25000:
-            raise ConfigError(f"density must be between 50 and 25000 kg/m^3, got {self.density_kg_m3}")
-        if len(self.rgb) != 3 or not all(0 <= channel <= 1 for channel in self.rgb):
-            raise ConfigError(f"rgb must be three numbers between 0 and 1, got {self.rgb}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,39 +3,32 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import cv2
 import numpy as np
+from annotated_types import Interval
 from jaxtyping import Bool, Float, Int
 
-from simpick.errors import ConfigError, UnknownNameError
+from simpick.config import Config, Fraction
+from simpick.errors import UnknownNameError
 
 _GROWN_BOX_PX = 8
 """Room around a mask for its ragged outline."""
 
 
 @dataclass(frozen=True)
-class DetectionNoise:
+class DetectionNoise(Config):
     """What goes wrong, and how often. All zero: nothing."""
 
-    miss: float = 0.0
+    miss: Fraction = 0.0
     """Chance that an instance is not detected."""
-    merge: float = 0.0
+    merge: Fraction = 0.0
     """Chance that an instance's mask swallows the instance it touches most, which is then not detected itself."""
-    ragged_px: float = 0.0
+    ragged_px: Annotated[float, Interval(ge=0, le=_GROWN_BOX_PX / 2)] = 0.0
     """By how much the mask's outline wanders in and out, in pixels (standard deviation)."""
-    box_jitter: float = 0.0
+    box_jitter: Annotated[float, Interval(ge=0, le=0.25)] = 0.0
     """By how much each edge of the box is off, as a share of the box's side (standard deviation)."""
-
-    def __post_init__(self) -> None:
-        for name in ("miss", "merge"):
-            value = getattr(self, name)
-            if not 0 <= value <= 1:
-                raise ConfigError(f"{name} is a chance and must be between 0 and 1, got {value}")
-        if not 0 <= self.ragged_px <= _GROWN_BOX_PX / 2:
-            raise ConfigError(f"ragged_px must be between 0 and {_GROWN_BOX_PX / 2:g} pixels, got {self.ragged_px}")
-        if not 0 <= self.box_jitter <= 0.25:
-            raise ConfigError(f"box_jitter must be between 0 and 0.25 of the side, got {self.box_jitter}")
 
 
 DETECTION_PRESETS = {

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from simpick.assets.part import Part
+from simpick.config import Config, NonNegativeFloat
 from simpick.errors import ConfigError
 from simpick.geometry import invert, so3_exp
 from simpick.records import CameraFrame, Detection, InstanceTruth, PoseEstimate, PoseHypothesis
@@ -19,19 +20,13 @@ MEDIAN_OF_CHI3 = 1.5381722544550522
 
 
 @dataclass(frozen=True)
-class PoseNoise:
+class PoseNoise(Config):
     """Gaussian pose noise, named by what it does: the *median* error it causes."""
 
-    rotation_deg: float = 0.0
+    rotation_deg: NonNegativeFloat = 0.0
     """Median rotation error in degrees, about an axis in a uniformly random direction."""
-    translation_mm: float = 0.0
+    translation_mm: NonNegativeFloat = 0.0
     """Median translation error in millimetres, in a uniformly random direction."""
-
-    def __post_init__(self) -> None:
-        for name in ("rotation_deg", "translation_mm"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0):
-                raise ConfigError(f"{name} of pose noise must be zero or more, got {value}")
 
     @property
     def is_zero(self) -> bool:

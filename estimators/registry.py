@@ -11,6 +11,7 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Literal
 
+from simpick.config import Config, NonNegativeInt, PositiveInt
 from simpick.errors import ConfigError, UnknownNameError
 from simpick.estimators.base import PoseEstimator
 
@@ -21,17 +22,13 @@ ORACLE = "oracle"
 
 
 @dataclass(frozen=True)
-class PoseBudget:
+class PoseBudget(Config):
     """How much work ``coarse`` and ``fine`` do; None stands for the estimator's default."""
 
-    iterations: int | None = None
+    iterations: NonNegativeInt | None = None
     """How many times templates are chosen around the estimator's own answer."""
-    steps: int | None = None
+    steps: PositiveInt | None = None
     """Denoising steps per answer."""
-
-    def __post_init__(self) -> None:
-        if self.steps is not None and self.steps < 1:
-            raise ConfigError(f"steps must be 1 or more, got {self.steps}")
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Configurations whose fields declare their types and ranges, and one loader of dataclasses from JSON.
 
 A configuration is a frozen dataclass derived from `Config`. Annotations state what a field may hold, and `Config`
-checks them when an object is made; `check_rules` holds the rules between fields:
+checks them when an object is made; `_check_rules` holds the rules between fields:
 
     @dataclass(frozen=True)
     class TrainConfig(Config):
@@ -9,7 +9,7 @@ checks them when an object is made; `check_rules` holds the rules between fields
         parts: PositiveInt = 4
         fill: Annotated[float, Interval(gt=0, le=1)] = 0.95
 
-        def check_rules(self) -> None:
+        def _check_rules(self) -> None:
             if self.batch % self.parts:
                 raise ConfigError(f"parts must divide batch, got parts={self.parts}, batch={self.batch}")
 
@@ -79,9 +79,9 @@ class Config:
         found = [error for name, hint in hints.items() for error in _errors(getattr(self, name), hint, name)]
         if found:
             raise ConfigError("; ".join(found))
-        self.check_rules()
+        self._check_rules()
 
-    def check_rules(self) -> None:
+    def _check_rules(self) -> None:
         """Raise ConfigError where fields contradict each other; a subclass of a configuration calls ``super()``."""
 
 

@@ -22,6 +22,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any, TypeVar
 
+from simpick.config import Config, PositiveFloat, PositiveInt
 from simpick.errors import ConfigError, SimpickError
 
 _TICK_S = 0.1
@@ -38,24 +39,16 @@ class LostCallError(SimpickError, RuntimeError):
 
 
 @dataclass(frozen=True)
-class WorkerLimits:
+class WorkerLimits(Config):
     """When a worker process counts as hung, and when it is given up."""
 
-    first_call_s: float | None = 180.0
-    """Longest time from the start of a process to the end of its first call, imports and OpenGL included; None: any."""
-    call_s: float | None = 120.0
-    """Longest time of each later call; None: any."""
-    failures: int = 3
+    first_call_s: PositiveFloat | None = 180.0
+    """Longest time from a process's start to the end of its first call, imports and OpenGL included; None: no limit."""
+    call_s: PositiveFloat | None = 120.0
+    """Longest time of each later call; None: no limit."""
+    failures: PositiveInt = 3
     """A worker whose processes died or hung this many times in a row is not started again, nor is a call repeated that
     lost this many processes."""
-
-    def __post_init__(self) -> None:
-        for name in ("first_call_s", "call_s"):
-            value = getattr(self, name)
-            if value is not None and not value > 0:
-                raise ConfigError(f"{name} must be positive, got {value}")
-        if self.failures < 1:
-            raise ConfigError(f"failures must be 1 or more, got {self.failures}")
 
 
 UNLIMITED = WorkerLimits(None, None, failures=2)

@@ -32,7 +32,7 @@ class Inner(Config):
     size_px: Annotated[int, Interval(ge=16, le=512)] = 96
     span: tuple[PositiveFloat, PositiveFloat] = (0.5, 1.0)
 
-    def check_rules(self) -> None:
+    def _check_rules(self) -> None:
         if self.span[0] > self.span[1]:
             raise ConfigError(f"span must have the smaller value first, got {self.span}")
 

@@ -169,9 +169,9 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
 
 
 def test_numbers_out_of_range_are_refused() -> None:
-    with pytest.raises(ConfigError, match="call_s must be positive, got 0"):
+    with pytest.raises(ConfigError, match="call_s must be above 0, got 0"):
         WorkerLimits(call_s=0)
-    with pytest.raises(ConfigError, match="failures must be 1 or more, got 0"):
+    with pytest.raises(ConfigError, match="failures must be at least 1, got 0"):
         WorkerLimits(failures=0)
     with pytest.raises(ConfigError, match="workers must be 1 or more, got 0"):
         WorkerPool(0)

@@ -7,13 +7,15 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import torch
+from annotated_types import Interval
 from jaxtyping import Float, Int
 
 from simpick.assets.part import Part
+from simpick.config import Config, NonNegativeInt, PositiveInt
 from simpick.errors import CheckpointError, ConfigError, UnknownNameError
 from simpick.estimators.base import PoseEstimator
 from simpick.estimators.pose_clusters import cluster_hypotheses
@@ -36,22 +38,22 @@ _FINE_ITERATIONS, _COARSE_ITERATIONS = 1, 2
 
 
 @dataclass(frozen=True)
-class RayPoseEstimatorConfig:
+class RayPoseEstimatorConfig(Config):
     """How the network is used."""
 
-    turns: int = 12
+    turns: PositiveInt = 12
     """Coarse only: turns of a detection about the optical axis in which it is compared with the upright templates."""
-    tried: int = 8
+    tried: PositiveInt = 8
     """Coarse only: how many of the turns, those whose matches agree best on a pose, are followed; where one hypothesis
     is asked for, the better half of them after the first pass."""
-    iterations: int | None = None
+    iterations: NonNegativeInt | None = None
     """How often templates are taken around the estimate and a new one made: 1 if None for fine; for coarse 2, beside
     the first estimate from templates over the sphere."""
-    steps: int = 3
+    steps: PositiveInt = 3
     """Denoising steps."""
-    hypotheses: int = 1
+    hypotheses: Annotated[int, Interval(ge=1, le=64)] = 1
     """Poses for each detection, best first; a fine predictor begins at as many of its start's hypotheses."""
-    min_mask_px: int = 16
+    min_mask_px: PositiveInt = 16
     """Detections with fewer pixels are not answered."""
     seed: int = 0
     """Of the noise that denoising begins with."""
@@ -59,15 +61,6 @@ class RayPoseEstimatorConfig:
     """Hypotheses closer than this, and than `cluster_diameters`, are one."""
     cluster_diameters: float = 0.1
     """Of the part: how close hypotheses are that are one."""
-
-    def __post_init__(self) -> None:
-        for name in ("turns", "tried", "steps", "hypotheses", "min_mask_px"):
-            if getattr(self, name) < 1:
-                raise ConfigError(f"{name} must be 1 or more, got {getattr(self, name)}")
-        if self.iterations is not None and self.iterations < 0:
-            raise ConfigError(f"iterations must be 0 or more, got {self.iterations}")
-        if self.hypotheses > 64:
-            raise ConfigError(f"hypotheses must be between 1 and 64, got {self.hypotheses}")
 
 
 class RayPoseEstimator:

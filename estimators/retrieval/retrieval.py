@@ -5,13 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import torch
+from annotated_types import Ge, Interval
 from jaxtyping import Float
 
 from simpick.assets.part import Part
-from simpick.errors import ConfigError, UnknownNameError
+from simpick.config import Config, PositiveFloat
+from simpick.errors import UnknownNameError
 from simpick.estimators.retrieval.descriptors import CROP_PX, describe, luminance
 from simpick.estimators.retrieval.template_index import Matches, TemplateIndex, load_index
 from simpick.estimators.retrieval.turned_crops import PADDING
@@ -22,38 +25,26 @@ from simpick.rendering import TemplateConfig
 
 
 @dataclass(frozen=True)
-class RetrievalConfig:
+class RetrievalConfig(Config):
     """How templates are made and searched."""
 
     views: int = 162
     """Directions of the templates on the view sphere: 42, 162 or 642."""
-    turns: int = 36
+    turns: Annotated[int, Interval(ge=4, le=360)] = 36
     """Turns of each view about the optical axis."""
-    hypotheses: int = 5
+    hypotheses: Annotated[int, Interval(ge=1, le=200)] = 5
     """How many poses are returned for each detection, best first."""
-    spacing_deg: float = 15.0
+    spacing_deg: Annotated[float, Interval(ge=0, le=90)] = 15.0
     """Least angle between two hypotheses, over the part's symmetries."""
-    smoothing_deg: float = 35.0
+    smoothing_deg: Annotated[float, Interval(ge=0, le=90)] = 35.0
     """A hypothesis is averaged over the templates within this angle."""
-    softness: float = 0.03
+    softness: PositiveFloat = 0.03
     """How much less alike than the best a template may be to count for a third in that average."""
-    min_mask_px: int = 16
+    min_mask_px: Annotated[int, Ge(2)] = 16
     """Detections with fewer pixels are not answered."""
 
-    def __post_init__(self) -> None:
+    def _check_rules(self) -> None:
         TemplateConfig(views=self.views)
-        if not 4 <= self.turns <= 360:
-            raise ConfigError(f"turns must be between 4 and 360, got {self.turns}")
-        if not 1 <= self.hypotheses <= 200:
-            raise ConfigError(f"hypotheses must be between 1 and 200, got {self.hypotheses}")
-        if not 0 <= self.spacing_deg <= 90:
-            raise ConfigError(f"spacing_deg must be between 0 and 90, got {self.spacing_deg}")
-        if not 0 <= self.smoothing_deg <= 90:
-            raise ConfigError(f"smoothing_deg must be between 0 (none) and 90, got {self.smoothing_deg}")
-        if not self.softness > 0:
-            raise ConfigError(f"softness must be above 0, got {self.softness}")
-        if self.min_mask_px < 2:
-            raise ConfigError(f"min_mask_px must be 2 or more, got {self.min_mask_px}")
 
 
 class RetrievalEstimator:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields
 
 import tyro
 
+from simpick.config import NonNegativeFloat
 from simpick.errors import ConfigError
 from simpick.experiments.modes import ORACLE, ORACLE_NOISE, Mode, check_modes, parse_mode
 from simpick.experiments.run_config import CellConfig, RunConfig
@@ -22,18 +23,15 @@ class CompareConfig(CellConfig):
     a second look through the wrist camera before each grasp."""
     episodes: int = 10
     """How many bins each mode picks."""
-    noise_deg: float = 5.0
+    noise_deg: NonNegativeFloat = 5.0
     """Mode oracle_noise: median rotation error added to the true poses, in degrees."""
-    noise_mm: float = 5.0
+    noise_mm: NonNegativeFloat = 5.0
     """Mode oracle_noise: median translation error added to the true poses, in millimetres."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if min(self.noise_deg, self.noise_mm) < 0 or self.noise_deg + self.noise_mm == 0:
-            raise ConfigError(
-                "noise_deg and noise_mm must be zero or more and not both zero (that is the mode oracle), "
-                f"got {self.noise_deg:g} and {self.noise_mm:g}"
-            )
+    def _check_rules(self) -> None:
+        super()._check_rules()
+        if self.noise_deg == self.noise_mm == 0:
+            raise ConfigError("noise_deg and noise_mm must not both be 0 (that is the mode oracle), got 0 and 0")
 
     def run_configs(self) -> dict[str, RunConfig]:
         """Return the run that each mode stands for.

@@ -7,35 +7,28 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from simpick.config import Config, PositiveFloat, PositiveInt
 from simpick.errors import ConfigError
 
 _FLIP_YZ = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 @dataclass(frozen=True)
-class Pinhole:
+class Pinhole(Config):
     """Intrinsics of a camera without distortion; pixel centres at integer + 0.5."""
 
-    width: int
+    width: PositiveInt
     """Image width in pixels."""
-    height: int
+    height: PositiveInt
     """Image height in pixels."""
-    fx: float
+    fx: PositiveFloat
     """Focal length along x in pixels."""
-    fy: float
+    fy: PositiveFloat
     """Focal length along y in pixels."""
     cx: float
     """Principal point from the left edge in pixels."""
     cy: float
     """Principal point from the top edge in pixels."""
-
-    def __post_init__(self) -> None:
-        if self.width <= 0 or self.height <= 0:
-            raise ConfigError(f"image size must be positive, got {self.width} x {self.height} px")
-        if not (self.fx > 0 and self.fy > 0):
-            raise ConfigError(f"focal lengths must be positive, got fx={self.fx}, fy={self.fy}")
-        if not np.isfinite([self.fx, self.fy, self.cx, self.cy]).all():
-            raise ConfigError(f"intrinsics must be finite, got {self.fx}, {self.fy}, {self.cx}, {self.cy}")
 
     @staticmethod
     def from_fovy(width: int, height: int, fovy_deg: float) -> Pinhole:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import trimesh
+from annotated_types import Interval, MinLen
 from jaxtyping import Float
 
 from simpick.assets.grippers import Gripper, JawGripper, SuctionGripper
 from simpick.assets.grippers.jaw import PAD_ABOVE_TCP_M, PAD_WIDTH_M, TIP_BEYOND_TCP_M
 from simpick.assets.part import Part
+from simpick.config import Config, NonNegativeFloat, PositiveFloat, PositiveInt
 from simpick.errors import ConfigError
 from simpick.geometry.transforms import transform_points
 from simpick.grasping.boxes import box_surface_points, points_in_boxes, swept_back
@@ -27,21 +30,21 @@ _SURFACE_POINTS = 700
 
 
 @dataclass(frozen=True)
-class PlannerConfig:
+class PlannerConfig(Config):
     """What a grasp in the world must fulfil, and what makes one better than another."""
 
-    largest_tilt_deg: float = 50.0
+    largest_tilt_deg: Annotated[float, Interval(gt=0, le=90)] = 50.0
     """Largest angle between the approach and straight down."""
     wall_clearance_m: float = 0.0015
     """Free space between the gripper and the bin's walls."""
-    most_back_off_m: float = 0.006
+    most_back_off_m: PositiveFloat = 0.006
     """A jaw grasp whose fingertips would meet the floor is drawn back along its approach, by this much at most: its
     contacts move towards the tips, which reach 10 mm beyond the TCP."""
     floor_clearance_m: float = 0.0008
     """Free space between the fingertips and the bin's floor."""
     part_clearance_m: float = 0.001
     """Free space between the gripper and every other part."""
-    side_clearances_m: tuple[float, ...] = (0.006, 0.003)
+    side_clearances_m: Annotated[tuple[NonNegativeFloat, ...], MinLen(1)] = (0.006, 0.003)
     """Free space between each open finger and the target; a later entry only where an earlier one does not fit."""
     most_points_touched: int = 12
     """Where parts lie entangled, the gripper may brush others: at most so many of the 700 points drawn on each part
@@ -51,23 +54,10 @@ class PlannerConfig:
     tried when nothing else is left."""
     approach_m: float = 0.08
     """Length of the straight approach that must be free."""
-    grasps_per_target: int = 6
+    grasps_per_target: PositiveInt = 6
     """At most this many grasps of one part are returned, so that the next choice may be another part."""
-    tries_per_target: int = 300
+    tries_per_target: PositiveInt = 300
     """At most this many of a part's best-scored grasps are tested for collisions."""
-
-    def __post_init__(self) -> None:
-        if not 0 < self.largest_tilt_deg <= 90:
-            raise ConfigError(f"largest_tilt_deg must be in (0, 90], got {self.largest_tilt_deg}")
-        if not self.side_clearances_m or min(self.side_clearances_m) < 0:
-            raise ConfigError(f"side_clearances_m must hold values of at least 0, got {self.side_clearances_m}")
-        if not self.most_back_off_m > 0:
-            raise ConfigError(f"most_back_off_m must be positive, got {self.most_back_off_m}")
-        if self.grasps_per_target < 1 or self.tries_per_target < 1:
-            raise ConfigError(
-                "grasps_per_target and tries_per_target must be at least 1, got "
-                f"{self.grasps_per_target} and {self.tries_per_target}"
-            )
 
 
 @dataclass(frozen=True, eq=False)

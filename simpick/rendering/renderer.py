@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import mujoco
 import numpy as np
+from annotated_types import Interval
 from jaxtyping import Float, Float32, Int32, UInt8
 
+from simpick.config import Config, PositiveFloat
 from simpick.errors import ConfigError, RenderingUnavailableError, UnknownNameError
 from simpick.geometry import Pinhole
 from simpick.rendering.gl import make_gl_context
@@ -33,19 +35,13 @@ MAX_SIDE_PX = 8192
 
 
 @dataclass(frozen=True)
-class RenderQuality:
+class RenderQuality(Config):
     """What a colour image costs. Depth and ids are not touched by it."""
 
-    shadow_map_px: int = 1024
+    shadow_map_px: Annotated[int, Interval(ge=0, le=16384)] = 1024
     """Side of the shadow map; 0 renders without shadows."""
-    samples: int = 2
+    samples: Annotated[int, Interval(ge=0, le=16)] = 2
     """Anti-aliasing samples a pixel; 0 or 1 means none. Drivers may round up."""
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.shadow_map_px <= 16384:
-            raise ConfigError(f"shadow_map_px must be between 0 (no shadows) and 16384, got {self.shadow_map_px}")
-        if not 0 <= self.samples <= 16:
-            raise ConfigError(f"samples must be between 0 and 16, got {self.samples}")
 
 
 SCENE_QUALITY = RenderQuality()
@@ -53,20 +49,20 @@ SCENE_QUALITY = RenderQuality()
 
 
 @dataclass(frozen=True, eq=False)
-class Viewpoint:
+class Viewpoint(Config):
     """A camera that need not be in the model."""
 
     camera: Pinhole
     """Any focal lengths and principal point."""
     T_world_camera: Float[np.ndarray, "4 4"]
     """OpenCV axes."""
-    near_m: float = 0.02
+    near_m: PositiveFloat = 0.02
     far_m: float = 10.0
     """What is nearer or farther is cut away."""
 
-    def __post_init__(self) -> None:
-        if not 0 < self.near_m < self.far_m:
-            raise ConfigError(f"near_m must be above 0 and below far_m, got {self.near_m} and {self.far_m}")
+    def _check_rules(self) -> None:
+        if not self.near_m < self.far_m:
+            raise ConfigError(f"near_m must be below far_m, got {self.near_m} and {self.far_m}")
 
 
 @dataclass(frozen=True, eq=False)

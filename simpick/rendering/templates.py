@@ -9,14 +9,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Annotated
 
 import cv2
 import mujoco
 import numpy as np
+from annotated_types import Interval
 from jaxtyping import Bool, Float, Float32, Int, UInt8, UInt16
 
 from simpick.assets.part import Part
 from simpick.caching import atomic_write_bytes, cache_dir, cache_key
+from simpick.config import Config
 from simpick.errors import ConfigError
 from simpick.geometry import Pinhole
 from simpick.rendering.part_views import PART_QUALITY, PartRenderer
@@ -28,28 +31,22 @@ _DEPTH_STEPS = 65534
 
 
 @dataclass(frozen=True)
-class TemplateConfig:
+class TemplateConfig(Config):
     """Which views of a part are rendered."""
 
     views: int = 162
     """Directions on the view sphere: 12, 42, 162, 642 or 2562 (at most 37, 21, 11, 5.4 or 2.7 degrees from any
     direction to the nearest)."""
-    size_px: int = 128
+    size_px: Annotated[int, Interval(ge=16, le=1024)] = 128
     """Width and height of each image."""
-    distance_diameters: float = 10.0
+    distance_diameters: Annotated[float, Interval(ge=1, le=1000)] = 10.0
     """Distance of the camera in diameters of the part: how strong the perspective is."""
-    fill: float = 0.95
+    fill: Annotated[float, Interval(ge=0.1, le=1)] = 0.95
     """Share of the image's width that the part's bounding sphere spans, so that no view is cut off."""
 
-    def __post_init__(self) -> None:
+    def _check_rules(self) -> None:
         if self.views not in VIEW_COUNTS:
             raise ConfigError(f"views must be one of {', '.join(map(str, VIEW_COUNTS))}, got {self.views}")
-        if not 16 <= self.size_px <= 1024:
-            raise ConfigError(f"size_px of templates must be between 16 and 1024, got {self.size_px}")
-        if not 1.0 <= self.distance_diameters <= 1000.0:
-            raise ConfigError(f"distance_diameters must be between 1 and 1000, got {self.distance_diameters}")
-        if not 0.1 <= self.fill <= 1.0:
-            raise ConfigError(f"fill must be between 0.1 and 1, got {self.fill}")
 
     def camera(self, part: Part) -> Pinhole:
         """Return the camera of all templates of a part."""

@@ -3,48 +3,34 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import mujoco
+from annotated_types import Ge, Interval
 
-from simpick.errors import ConfigError
+from simpick.config import Config, NonNegativeInt, PositiveInt
 
 
 @dataclass(frozen=True)
-class PhysicsConfig:
+class PhysicsConfig(Config):
     """Settings of the simulation. The defaults are measured choices; see each field."""
 
-    timestep_s: float = 0.002
+    timestep_s: Annotated[float, Interval(ge=1e-4, le=0.004)] = 0.002
     """Step of the simulation."""
-    impratio: float = 10.0
+    impratio: Annotated[float, Ge(1)] = 10.0
     """Friction is this much stiffer than the normal direction; pinched parts slide less."""
-    noslip_iterations: int = 10
+    noslip_iterations: NonNegativeInt = 10
     """Passes that remove the slip which soft friction leaves; without them a pinched part creeps 50-155 um/s."""
-    solver_iterations: int = 50
+    solver_iterations: PositiveInt = 50
     """Cap on Newton iterations a step; a settled bin needs 3."""
-    solver_tolerance: float = 1e-8
+    solver_tolerance: Annotated[float, Interval(gt=0, le=1e-2)] = 1e-8
     """Relative improvement at which the solver stops."""
     sleep: bool = True
     """Parts at rest are left out of the step until something touches them."""
-    sleep_tolerance: float = 1e-3
+    sleep_tolerance: Annotated[float, Interval(gt=0, le=0.1)] = 1e-3
     """Fastest motion (m/s, and rad/s times the part's size) that may fall asleep."""
-    part_friction: float = 0.5
+    part_friction: Annotated[float, Interval(ge=0.05, le=2)] = 0.5
     """Coulomb coefficient between parts, and between parts and the bin."""
-
-    def __post_init__(self) -> None:
-        if not 1e-4 <= self.timestep_s <= 0.004:
-            raise ConfigError(f"timestep_s must be between 0.0001 and 0.004 s, got {self.timestep_s}")
-        if not self.impratio >= 1:
-            raise ConfigError(f"impratio must be at least 1, got {self.impratio}")
-        if self.noslip_iterations < 0:
-            raise ConfigError(f"noslip_iterations must not be negative, got {self.noslip_iterations}")
-        if self.solver_iterations < 1:
-            raise ConfigError(f"solver_iterations must be at least 1, got {self.solver_iterations}")
-        if not 0 < self.solver_tolerance <= 1e-2:
-            raise ConfigError(f"solver_tolerance must be between 0 and 0.01, got {self.solver_tolerance}")
-        if not 0 < self.sleep_tolerance <= 0.1:
-            raise ConfigError(f"sleep_tolerance must be between 0 and 0.1, got {self.sleep_tolerance}")
-        if not 0.05 <= self.part_friction <= 2.0:
-            raise ConfigError(f"part_friction must be between 0.05 and 2, got {self.part_friction}")
 
 
 def apply_physics(spec: mujoco.MjSpec, physics: PhysicsConfig) -> None:

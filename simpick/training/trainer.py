@@ -15,6 +15,7 @@ import numpy as np
 import torch
 from torch import nn
 
+from simpick.config import Config, PositiveFloat, PositiveInt
 from simpick.errors import ConfigError, SimpickError
 from simpick.estimators.raypose.checkpoints import load_checkpoint, save_checkpoint
 from simpick.estimators.raypose.diffusion.schedule import make_schedule
@@ -38,21 +39,17 @@ LOG_STEPS = 20
 
 
 @dataclass(frozen=True)
-class Budget:
+class Budget(Config):
     """When a run ends: after so many steps in all, or after so much time in all, whichever comes first."""
 
-    minutes: float | None = None
+    minutes: PositiveFloat | None = None
     """Wall-clock time of training, over all resumptions; data that is waited for counts."""
-    steps: int | None = None
+    steps: PositiveInt | None = None
     """Steps, over all resumptions."""
 
-    def __post_init__(self) -> None:
+    def _check_rules(self) -> None:
         if self.minutes is None and self.steps is None:
             raise ConfigError("a run needs an end: give minutes or steps")
-        for name in ("minutes", "steps"):
-            value = getattr(self, name)
-            if value is not None and not value > 0:
-                raise ConfigError(f"{name} must be above 0, got {value}")
 
     def progress(self, step: int, seconds: float) -> float:
         """Return the share of the run that is done; 1 or more at its end."""

@@ -121,11 +121,11 @@ def test_wrong_modes_are_told_all_at_once(tmp_path: Path, capsys, monkeypatch: p
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        (("--noise-mm", "0", "--noise-deg", "0"), "noise_deg and noise_mm must be zero or more and not both zero"),
+        (("--noise-mm", "0", "--noise-deg", "0"), "noise_deg and noise_mm must not both be 0"),
         (("--workers", "0"), "workers must be 1 or more, got 0"),
         (("--workers", "2", "--ray", "local"), "workers are for this machine, a Ray cluster has its own"),
         (("--parts", "hexbolt"), "no part named 'hexbolt'"),
-        (("--count", "0"), "count must be between 1 and 50 parts, got 0"),
+        (("--count", "0"), "count must be between 1 and 50, got 0"),
     ],
 )
 def test_bad_settings_are_refused(arguments, text, tmp_path: Path, capsys) -> None:

@@ -50,7 +50,7 @@ def test_noise_draws_as_often_when_it_is_zero() -> None:
 
 
 def test_bad_noise_is_refused() -> None:
-    with pytest.raises(ConfigError, match="rotation_deg of pose noise must be zero or more, got -1"):
+    with pytest.raises(ConfigError, match="rotation_deg must be at least 0, got -1"):
         PoseNoise(rotation_deg=-1)
     with pytest.raises(ConfigError, match="needs a random generator"):
         OracleEstimator(tuple, PoseNoise(translation_mm=1))

@@ -103,7 +103,7 @@ def test_wrong_settings_are_explained(frame):
         detector("good")
     with pytest.raises(ConfigError, match=r"need a random generator: pass rng=numpy.random.default_rng\(seed\)"):
         SegmentationDetector("realistic", instance_parts=NAMES)
-    with pytest.raises(ConfigError, match=r"miss is a chance and must be between 0 and 1, got 2"):
+    with pytest.raises(ConfigError, match=r"miss must be between 0 and 1, got 2"):
         DetectionNoise(miss=2)
     with pytest.raises(ConfigError, match=r"shows instance 3, but parts of only 2 are given"):
         SegmentationDetector(instance_parts=NAMES[:2]).detect(frame, [NUT])

@@ -54,10 +54,10 @@ def test_mujoco_cameras_look_along_minus_z_with_y_up() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((0, 480, 1.0, 1.0, 0.0, 0.0), "image size must be positive, got 0 x 480 px"),
-        ((640, 480, -1.0, 1.0, 0.0, 0.0), "focal lengths must be positive, got fx=-1.0"),
-        ((640, 480, float("nan"), 1.0, 0.0, 0.0), "focal lengths must be positive, got fx=nan"),
-        ((640, 480, 1.0, 1.0, float("inf"), 0.0), "intrinsics must be finite"),
+        ((0, 480, 1.0, 1.0, 0.0, 0.0), "width must be at least 1, got 0"),
+        ((640, 480, -1.0, 1.0, 0.0, 0.0), "fx must be above 0, got -1.0"),
+        ((640, 480, float("nan"), 1.0, 0.0, 0.0), "fx must be a finite number, got nan"),
+        ((640, 480, 1.0, 1.0, float("inf"), 0.0), "cx must be a finite number, got inf"),
     ],
 )
 def test_impossible_cameras_are_refused(arguments: tuple, message: str) -> None:

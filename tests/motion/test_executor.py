@@ -236,11 +236,11 @@ def test_a_jaw_takes_whichever_of_its_two_orientations_needs_less_motion():
 
 
 def test_motion_config_errors_say_what_to_do():
-    with pytest.raises(ConfigError, match=r"motion tcp_speed_m_s must be positive and finite, got -1"):
+    with pytest.raises(ConfigError, match=r"tcp_speed_m_s must be above 0, got -1"):
         MotionConfig(tcp_speed_m_s=-1.0)
-    with pytest.raises(ConfigError, match=r"joint_speed_rad_s must be at most pi .* got 9"):
+    with pytest.raises(ConfigError, match=r"joint_speed_rad_s must be above 0 and at most 3\.14159, got 9"):
         MotionConfig(joint_speed_rad_s=9.0)
-    with pytest.raises(ConfigError, match=r"suction_loaded_fraction must be at most 1, got 2"):
+    with pytest.raises(ConfigError, match=r"suction_loaded_fraction must be above 0 and at most 1, got 2"):
         MotionConfig(suction_loaded_fraction=2.0)
 
 

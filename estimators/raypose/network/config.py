@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
+from annotated_types import Interval
+
+from simpick.config import Config, NonNegativeInt, PositiveInt
 from simpick.errors import ConfigError, UnknownNameError
 
 IMAGE_ENCODERS = ("simpick", "dinov2_vits14", "dinov2_vitb14", "dinov2_vitl14")
@@ -14,34 +17,34 @@ TEMPLATE_VIEWS = ("random", "fixed")
 
 
 @dataclass(frozen=True)
-class RayPoseConfig:
+class RayPoseConfig(Config):
     """Everything that the network's shape and meaning depend on; stored whole in every checkpoint."""
 
     image_encoder: Literal["simpick", "dinov2_vits14", "dinov2_vitb14", "dinov2_vitl14"] = "simpick"
     """Who turns crops into feature maps (E_I of the paper)."""
-    crop_px: int = 96
+    crop_px: PositiveInt = 96
     """Side of the virtual-camera crops that the network sees."""
-    padding: float = 1.2
+    padding: Annotated[float, Interval(ge=1, le=3)] = 1.2
     """Side of a crop over the longer side of its detection's box."""
-    local_cells: int = 12
+    local_cells: PositiveInt = 12
     """Side of the image encoder's feature map, on which query and templates are matched."""
-    map_cells: int = 6
+    map_cells: PositiveInt = 6
     """Side p of the pose maps and of the token grid; divides `local_cells`."""
-    local_width: int = 96
+    local_width: PositiveInt = 96
     """Channels of the image encoder's feature map."""
-    match_width: int = 64
+    match_width: PositiveInt = 64
     """Channels of the descriptors that are matched."""
-    width: int = 160
+    width: PositiveInt = 160
     """Channels of tokens in fuser and decoder."""
-    heads: int = 5
+    heads: PositiveInt = 5
     """Attention heads of fuser and decoder."""
-    fuser_blocks: int = 1
+    fuser_blocks: NonNegativeInt = 1
     """Self-attention blocks over all templates' tokens (N_F of the paper)."""
-    decoder_blocks: int = 3
+    decoder_blocks: NonNegativeInt = 3
     """DiT blocks of the decoder (N_D of the paper)."""
-    fourier_bands: int = 4
+    fourier_bands: NonNegativeInt = 4
     """Frequencies of each Fourier encoding of the view encoder: 1, 2, 4, ... turns over [-1, 1]."""
-    templates: int = 8
+    templates: PositiveInt = 8
     """Templates that a pose is estimated from."""
     matching: bool = True
     """Give the decoder, for each query cell, the template geometry that its descriptor matches. Not in the paper: what
@@ -49,9 +52,9 @@ class RayPoseConfig:
     flow: bool = True
     """Correct the matched pose by the flow between the nearest templates and the query, on cells half as wide (see
     `flow.py`). Not in the paper either; needs `matching` and simpick's own image encoder."""
-    flow_width: int = 32
+    flow_width: PositiveInt = 32
     """Channels of the descriptors of these cells."""
-    flow_radius: int = 2
+    flow_radius: PositiveInt = 2
     """How many such cells from where a template's cell should appear it is looked for."""
     relative_pose: bool = True
     """Predict the pose relative to each template (the paper) instead of the absolute pose: ablation (4)."""
@@ -61,31 +64,12 @@ class RayPoseConfig:
     """Tell the network the templates' poses and geometry instead of only their boxes: ablation (6)."""
     template_views: Literal["random", "fixed"] = "random"
     """Which templates a coarse predictor is trained with: drawn anew for every query, or always the same."""
-    spread_deg: float = 30.0
+    spread_deg: Annotated[float, Interval(gt=0, le=180)] = 30.0
     """A fine predictor's templates lie within this angle of the pose that they are drawn around; 180 for coarse."""
-    spread_m: float = 0.05
+    spread_m: Annotated[float, Interval(ge=0, le=0.5)] = 0.05
     """A fine predictor's templates are as far from there as this at most; shifts and scales their crops."""
 
-    def __post_init__(self) -> None:
-        if self.image_encoder not in IMAGE_ENCODERS:
-            raise UnknownNameError("image encoder", self.image_encoder, IMAGE_ENCODERS)
-        for name in (
-            "crop_px",
-            "local_cells",
-            "map_cells",
-            "local_width",
-            "match_width",
-            "width",
-            "heads",
-            "templates",
-            "flow_width",
-            "flow_radius",
-        ):
-            if getattr(self, name) < 1:
-                raise ConfigError(f"{name} must be 1 or more, got {getattr(self, name)}")
-        for name in ("fuser_blocks", "decoder_blocks", "fourier_bands"):
-            if getattr(self, name) < 0:
-                raise ConfigError(f"{name} must be 0 or more, got {getattr(self, name)}")
+    def _check_rules(self) -> None:
         if self.local_cells % self.map_cells:
             raise ConfigError(
                 f"map_cells must divide local_cells, got map_cells={self.map_cells}, local_cells={self.local_cells}"
@@ -104,14 +88,6 @@ class RayPoseConfig:
             )
         if self.width % self.heads:
             raise ConfigError(f"heads must divide width, got heads={self.heads}, width={self.width}")
-        if not 1.0 <= self.padding <= 3.0:
-            raise ConfigError(f"padding must be between 1 and 3, got {self.padding}")
-        if not 0 < self.spread_deg <= 180:
-            raise ConfigError(f"spread_deg must be above 0 and at most 180, got {self.spread_deg}")
-        if not 0 <= self.spread_m <= 0.5:
-            raise ConfigError(f"spread_m must be between 0 and 0.5, got {self.spread_m}")
-        if self.template_views not in TEMPLATE_VIEWS:
-            raise UnknownNameError("choice of template views", self.template_views, TEMPLATE_VIEWS)
 
     @property
     def is_dino(self) -> bool:

@@ -9,32 +9,27 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn import functional as F
 
-from simpick.errors import ConfigError
+from simpick.config import Config, NonNegativeFloat
 from simpick.estimators.raypose.network.pose_maps import ViewPoses, canonical_rays, decode_centre
 
 Maps = Float[Tensor, "*batch p p channels"]
 
 
 @dataclass(frozen=True)
-class LossWeights:
+class LossWeights(Config):
     """How much each term counts; the paper leaves its weights open."""
 
-    ray_reconstruction: float = 1.0
-    ray_cosine: float = 0.5
-    ray_consistency: float = 0.1
-    translation_reconstruction: float = 2.0
-    translation_xyz: float = 0.5
-    matching: float = 0.3
-    matched_points: float = 3.0
-    first: float = 1.0
-    flow_matching: float = 0.3
-    flow_offset: float = 0.3
-    flow_pose: float = 2.0
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not value >= 0:
-                raise ConfigError(f"the weight of {name} must be 0 or more, got {value}")
+    ray_reconstruction: NonNegativeFloat = 1.0
+    ray_cosine: NonNegativeFloat = 0.5
+    ray_consistency: NonNegativeFloat = 0.1
+    translation_reconstruction: NonNegativeFloat = 2.0
+    translation_xyz: NonNegativeFloat = 0.5
+    matching: NonNegativeFloat = 0.3
+    matched_points: NonNegativeFloat = 3.0
+    first: NonNegativeFloat = 1.0
+    flow_matching: NonNegativeFloat = 0.3
+    flow_offset: NonNegativeFloat = 0.3
+    flow_pose: NonNegativeFloat = 2.0
 
 
 def ray_reconstruction(predicted: Maps, target: Maps) -> Float[Tensor, ""]:

@@ -3,36 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import cv2
 import numpy as np
+from annotated_types import Interval
 from jaxtyping import Bool, Float
 
-from simpick.errors import ConfigError
+from simpick.config import Config, Fraction
 
 
 @dataclass(frozen=True)
-class AugmentationConfig:
+class AugmentationConfig(Config):
     """How strongly queries are changed."""
 
     turn: bool = True
     """Turn every query about the optical axis, by any angle."""
-    box_jitter: float = 0.03
+    box_jitter: Annotated[float, Interval(ge=0, lt=1)] = 0.03
     """Standard deviation of a box's shift and relative size, as a share of its longer side."""
-    ragged_share: float = 0.4
+    ragged_share: Fraction = 0.4
     """Share of masks that are grown or shrunk by a pixel or two."""
-    hidden_share: float = 0.25
+    hidden_share: Fraction = 0.25
     """Share of queries of which a straight cut hides some more."""
-    brightness: float = 0.25
+    brightness: Annotated[float, Interval(ge=0, lt=1)] = 0.25
     """Largest relative change of brightness and contrast."""
-
-    def __post_init__(self) -> None:
-        for name in ("ragged_share", "hidden_share"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise ConfigError(f"{name} must be between 0 and 1, got {getattr(self, name)}")
-        for name in ("box_jitter", "brightness"):
-            if not 0 <= getattr(self, name) < 1:
-                raise ConfigError(f"{name} must be from 0 to below 1, got {getattr(self, name)}")
 
 
 def perturb_mask(

@@ -129,11 +129,11 @@ def test_lists_must_match_and_masks_must_fit(refiner):
 @pytest.mark.parametrize(
     ("settings", "text"),
     [
-        ({"levels": ()}, "levels of the refiner must be one or more"),
+        ({"levels": ()}, "levels must be of length at least 1"),
         ({"padding": 0.5}, "padding must be between 1 and 4, got 0.5"),
         ({"silhouette_scale": 0.0}, "silhouette_scale must be above 0"),
         ({"occluder_weight": 2.0}, "occluder_weight must be between 0 and 1, got 2.0"),
-        ({"renderers": 0}, "renderers must be 1 or more, got 0"),
+        ({"renderers": 0}, "renderers must be at least 1, got 0"),
     ],
 )
 def test_settings_that_make_no_sense_are_refused(settings, text):
@@ -142,7 +142,7 @@ def test_settings_that_make_no_sense_are_refused(settings, text):
 
 
 def test_levels_that_make_no_sense_are_refused():
-    with pytest.raises(ConfigError, match="size_px of a level must be between 16 and 512, got 8"):
+    with pytest.raises(ConfigError, match="size_px must be between 16 and 512, got 8"):
         AlignmentLevel(8, 1.0, 1, 1)
     with pytest.raises(ConfigError, match="stride must divide size_px = 48, got 5"):
         AlignmentLevel(48, 1.0, 1, 1, stride=5)

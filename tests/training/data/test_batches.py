@@ -184,7 +184,7 @@ def test_a_cut_hides_some_of_the_mask_and_adds_nothing(shard: Shard) -> None:
     ("change", "message"),
     [
         ({"ragged_share": 1.5}, "ragged_share must be between 0 and 1, got 1.5"),
-        ({"box_jitter": -0.1}, "box_jitter must be from 0 to below 1, got -0.1"),
+        ({"box_jitter": -0.1}, "box_jitter must be at least 0 and below 1, got -0.1"),
     ],
 )
 def test_augmentation_out_of_range_is_refused(change: dict, message: str) -> None:

@@ -100,9 +100,9 @@ def test_the_small_size_is_under_16_mib_in_half_precision() -> None:
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        ({"width": 0}, "width must be 1 or more, got 0"),
-        ({"templates": 0}, "templates must be 1 or more, got 0"),
-        ({"fuser_blocks": -1}, "fuser_blocks must be 0 or more, got -1"),
+        ({"width": 0}, "width must be at least 1, got 0"),
+        ({"templates": 0}, "templates must be at least 1, got 0"),
+        ({"fuser_blocks": -1}, "fuser_blocks must be at least 0, got -1"),
         ({"map_cells": 4}, "map_cells must divide local_cells, got map_cells=4, local_cells=6"),
         (
             {"crop_px": 50},

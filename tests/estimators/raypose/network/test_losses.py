@@ -133,9 +133,9 @@ def test_true_maps_cost_nothing_and_terms_have_the_weights_names() -> None:
 
 
 def test_weights_must_not_be_negative() -> None:
-    with pytest.raises(ConfigError, match="the weight of ray_cosine must be 0 or more, got -1"):
+    with pytest.raises(ConfigError, match="ray_cosine must be at least 0, got -1"):
         LossWeights(ray_cosine=-1.0)
-    with pytest.raises(ConfigError, match="the weight of matching must be 0 or more, got nan"):
+    with pytest.raises(ConfigError, match="matching must be a finite number, got nan"):
         LossWeights(matching=float("nan"))
 
 
