@@ -13,7 +13,9 @@ from simpick.training.resources import Resources
 
 @dataclass(frozen=True)
 class Ablate:
-    """Train variants of RayPose with an equal budget and compare their poses of held-out parts.
+    """Train variants of RayPose and compare their poses.
+
+    Every variant has the same budget; poses are those of held-out parts.
 
     paper: with and without each component, and with other templates in training (tables 2 and 3 of the paper).
     schedules: noise schedules, each sampled with 1, 3, 5 and 10 steps. A command that was stopped goes on where it was.

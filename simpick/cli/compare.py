@@ -1,10 +1,11 @@
-"""``simpick compare``: which perception mode picks these parts, how well, how fast, and why does the rest fail?"""
+"""``simpick compare``: perception modes compared on the same bins: success, speed and causes of failure."""
 
 from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 import tyro
 
@@ -13,9 +14,13 @@ from simpick.experiments.compare_config import CompareConfig
 
 @dataclass(frozen=True)
 class Compare:
-    """Let perception modes pick the same bins, and tell them apart: a table, a report, results and recordings.
+    """Compare perception modes that pick the same bins.
 
-    Running the same command again goes on where it was stopped, also with more episodes or more modes.
+    Modes are oracle (true poses), oracle_noise (true poses with noise), retrieval, retrieval_refined, coarse, fine,
+    refined, and estimators of other packages. NAME@K asks an estimator for K hypotheses per part. NAME+closer corrects
+    each grasp by a second image, from the wrist camera. Each mode is compared with the first and with its predecessor.
+
+    The same command resumes a comparison that was stopped, also with more episodes or more modes.
     """
 
     config: tyro.conf.OmitArgPrefixes[CompareConfig] = field(default_factory=CompareConfig)
@@ -23,13 +28,13 @@ class Compare:
     out: Path = Path("logs/compare")
     """Folder for compare.json, results.jsonl, report.html, the plots and the recordings."""
     record: bool = False
-    """Write one rerun recording for each mode and bin."""
+    """Write one rerun recording per mode and bin."""
     overwrite: bool = False
-    """Replace results that are in `out` already, instead of going on with them."""
+    """Replace results in the folder --out instead of resuming them."""
     workers: int = 1
-    """Episodes to run at the same time, each in a process of its own; perception's times suffer from it."""
-    ray: str | None = None
-    """Run the episodes on the Ray cluster at this address instead: HOST:PORT, auto, or local for this machine."""
+    """Episodes to run at the same time, each in its own process; perception takes longer then."""
+    ray: Annotated[str | None, tyro.conf.arg(metavar="ADDRESS", help_behavior_hint="(default: no cluster)")] = None
+    """Address of a Ray cluster: HOST:PORT, auto, or local for one on this machine."""
 
     def run(self) -> int:
         """Run what is missing, print the tables and write the report, also of a run that stops half-way."""

@@ -1,4 +1,4 @@
-"""``simpick doctor``: what is installed, what works, and what to mend."""
+"""``simpick doctor``: what is installed, what works, and what to fix."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
+
+import tyro
 
 Check = Literal["python", "packages", "gl", "torch", "cache", "disk"]
 CORE_PACKAGES = ("mujoco", "gymnasium", "torch", "rerun-sdk", "mink", "trimesh", "manifold3d", "coacd", "numpy")
@@ -28,20 +30,19 @@ class Finding:
 
 @dataclass(frozen=True)
 class Doctor:
-    """Check Python, packages, OpenGL, torch, the cache and disk space, and say what to mend."""
+    """Check the installation and report what to fix."""
 
-    only: tuple[Check, ...] = ()
-    """Run just these checks; all by default."""
+    only: Annotated[tuple[Check, ...], tyro.conf.arg(help_behavior_hint="(default: all checks)")] = ()
+    """Run only these checks."""
 
     def run(self) -> int:
-        """Print the findings; return 1 if anything needs mending."""
-        from rich.console import Console
-        from rich.table import Table
+        """Print the findings; return 1 if anything needs to be fixed."""
+        from simpick.terminal import Console, narrow_table
 
         findings = [CHECKS[name]() for name in self.only or CHECKS]
-        table = Table("check", "", "found", "to mend")
+        table = narrow_table("check", "", "found", "fix", labels=4, padding=2)
         for finding in findings:
-            mark = "[green]ok[/]" if finding.ok else "[red]amiss[/]"
+            mark = "[green]ok[/]" if finding.ok else "[red]failed[/]"
             table.add_row(finding.check, mark, finding.detail, finding.remedy)
         Console().print(table)
         return 0 if all(finding.ok for finding in findings) else 1
@@ -55,7 +56,7 @@ def check_python() -> Finding:
 
 
 def check_packages() -> Finding:
-    """Check that the core packages are installed, and name their versions."""
+    """Check that the core packages are installed; report their versions."""
     found, missing = [], []
     for name in CORE_PACKAGES:
         try:
@@ -67,7 +68,7 @@ def check_packages() -> Finding:
 
 
 def check_gl() -> Finding:
-    """Render one frame and look whether anything is on it."""
+    """Render one frame and check that it shows the scene."""
     import mujoco
     import numpy as np
 
@@ -92,7 +93,7 @@ def check_gl() -> Finding:
 
 
 def check_torch() -> Finding:
-    """Name the device that torch would use."""
+    """Report the device that torch uses."""
     import torch
 
     if torch.cuda.is_available():

@@ -1,4 +1,4 @@
-"""``simpick evaluate``: how good are estimated poses, on a BOP data set or on fresh simulated bins?"""
+"""``simpick evaluate``: the accuracy of estimated poses, on a BOP data set or on new simulated bins."""
 
 from __future__ import annotations
 
@@ -6,95 +6,93 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Annotated
 
+import tyro
+
+from simpick.config import Config, NonNegativeInt, PositiveInt
 from simpick.errors import ConfigError
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
+_OF_DATASET = ("results", "results_out", "split", "camera", "models", "max_images")
 
-    from rich.console import Console
 
-    from simpick.assets.part import Part
-    from simpick.pose_eval.pose_evaluation import PoseEvaluation
-    from simpick.pose_eval.pose_images import PoseImage
+def _unless_given(metavar: str, default: str) -> object:
+    return tyro.conf.arg(metavar=metavar, help_behavior_hint=f"(default: {default})")
 
 
 @dataclass(frozen=True)
-class Evaluate:
-    """Run a pose estimator, or take a results file, and print BOP's average recalls per part and in all.
+class Evaluate(Config):
+    """Score poses on a BOP data set or on new simulated bins.
 
-    Either on a BOP data set (`dataset`) or on fresh simulated bins (`scenes`).
+    Prints BOP's average recalls per part and in all, and medians by visibility. --dataset or --bins chooses the images.
     """
 
     estimator: str = "oracle"
-    """Who estimates poses: oracle, another that ships, or one that a package registers."""
-    dataset: Path | None = None
+    """oracle, an estimator that ships, or one of another package; NAME@K asks for K hypotheses."""
+    detections: str = "perfect"
+    """Masks: perfect; bins also: realistic; data sets also: a JSON file in BOP's format."""
+    dataset: Annotated[Path | None, _unless_given("DIR", "simulated bins")] = None
     """Folder of a BOP data set."""
-    split: str | None = None
-    """Data set: folder of scenes, such as test or val; by default test, or the only one."""
-    camera: str | None = None
-    """Data set: which sensor, where there are several, such as cam1."""
-    models: str | None = None
-    """Data set: folder of object models; by default models."""
+    split: Annotated[str | None, _unless_given("NAME", "test, or the only one")] = None
+    """Data set: folder of scenes, such as test or val."""
+    camera: Annotated[str | None, _unless_given("NAME", "the only one")] = None
+    """Data set: sensor, where there are several, such as cam1."""
+    models: Annotated[str | None, _unless_given("NAME", "models")] = None
+    """Data set: folder of object models."""
     targets: str = "test_targets_bop19.json"
-    """Data set: file that lists what is to be found, or "annotations" for all that is visible to a tenth."""
-    detections: Path | None = None
-    """Data set: detections in BOP's JSON format; by default the annotations' visible masks."""
+    """Data set: file of test targets, or "annotations" for all parts that are at least 10 % visible."""
     amodal: bool = False
-    """Data set: the detections' boxes enclose whole objects, hidden parts included."""
-    results: Path | None = None
-    """Data set: score this results CSV instead of running an estimator."""
-    results_out: Path | None = None
-    """Data set: write the estimates as a results CSV, named METHOD_DATASET-SPLIT.csv for submission."""
-    scenes: int = 0
-    """How many fresh bins to evaluate on, each seen by the overhead camera."""
-    seed: int = 0
-    """Bins: seed of the first; bin k uses ``seed + k``."""
-    parts: tuple[str, ...] = ()
-    """Bins: part names or mesh files; one makes homogeneous bins, none means the whole library."""
+    """Data set: the boxes of the detections enclose whole objects, hidden parts included."""
+    results: Annotated[Path | None, _unless_given("FILE", "an estimator is run")] = None
+    """Data set: score this results CSV."""
+    results_out: Annotated[Path | None, _unless_given("FILE", "not written")] = None
+    """Data set: results CSV to write, named METHOD_DATASET-SPLIT.csv for submission."""
+    max_images: Annotated[PositiveInt | None, _unless_given("INT", "all")] = None
+    """Data set: how many images to use, from the first."""
+    bins: Annotated[NonNegativeInt, tyro.conf.arg(help_behavior_hint="(default: none, a data set)")] = 0
+    """How many new bins to evaluate on, each seen by the overhead camera."""
+    seed: NonNegativeInt = 0
+    """Bins: seed of the first; bin k has seed + k."""
+    parts: Annotated[
+        tuple[str, ...], tyro.conf.arg(metavar="PART ...", help_behavior_hint="(default: the library)")
+    ] = ()
+    """Bins: part names or mesh files; a single one makes homogeneous bins."""
     count: int = 12
-    """Bins: how many parts each holds, 1 to 50."""
-    noise: Literal["perfect", "realistic"] = "perfect"
-    """Bins: how well parts are segmented before their poses are estimated."""
+    """Bins: parts per bin, 1 to 50."""
     randomization: str = "default"
     """Bins: preset of lights, colours, textures and camera jitter."""
-    export: Path | None = None
-    """Bins: write them as a BOP data set into this folder, with the detections beside them as JSON."""
-    max_images: int | None = None
-    """Data set: stop after this many images."""
-    vsd: bool = True
-    """VSD needs depth images and OpenGL; --no-vsd leaves it out, and with it AR, of which two terms remain."""
+    export: Annotated[Path | None, _unless_given("DIR", "not written")] = None
+    """Bins: folder to write them to as a BOP data set, with the detections as JSON."""
+    vsd: Annotated[bool, tyro.conf.arg(help_behavior_hint="(default: with VSD)")] = True
+    """Leave out VSD, which needs depth images and OpenGL, and with it AR."""
 
     def run(self) -> int:
-        """Evaluate, print the tables, and write what was asked for."""
-        self._check()
+        """Evaluate, print the tables, and write the files that were asked for."""
         return self._run_bins() if self.dataset is None else self._run_dataset(self.dataset)
 
-    def _check(self) -> None:
-        """Raise ConfigError for settings that do not go together, before anything is read or simulated."""
-        if (self.dataset is None) == (self.scenes == 0):
-            raise ConfigError("give either --dataset DIR or --scenes N: the images to evaluate on")
-        if self.scenes < 0:
-            raise ConfigError(f"scenes must be positive, got {self.scenes}")
-        if self.max_images is not None and self.max_images < 1:
-            raise ConfigError(f"max_images must be 1 or more, got {self.max_images}")
-        given = {
-            name: getattr(self, name) for name in ("detections", "results", "results_out", "split", "camera", "models")
-        }
-        if self.dataset is None and (foreign := [name for name, value in given.items() if value is not None]):
-            raise ConfigError(f"{', '.join(foreign)} must come with --dataset, got --scenes {self.scenes}")
+    def check_rules(self) -> None:
+        """Raise ConfigError for settings that contradict each other, before anything is read or simulated."""
+        if (self.dataset is None) == (self.bins == 0):
+            raise ConfigError("give either --dataset DIR or --bins N: the images to evaluate on")
+        given = [name for name in _OF_DATASET if getattr(self, name) is not None]
+        if self.dataset is None and given:
+            raise ConfigError(f"{', '.join(given)} must come with --dataset, got --bins {self.bins}")
         if self.dataset is not None and self.export is not None:
-            raise ConfigError("export must come with --scenes; a data set is one already")
+            raise ConfigError("export must come with --bins; a data set is one already")
+        if self.dataset is None and self.detections not in ("perfect", "realistic"):
+            raise ConfigError(f"detections of simulated bins must be perfect or realistic, got {self.detections!r}")
+        if self.detections == "realistic" and self.dataset is not None:
+            raise ConfigError(
+                "detections of a data set must be perfect or a JSON file in BOP's format, got 'realistic'"
+            )
 
     def _run_dataset(self, root: Path) -> int:
-        from rich.console import Console
-
         from simpick.bop import BopDataset, BopResult, read_detections, read_results, write_results
         from simpick.pose_eval import bop_evaluation
         from simpick.pose_eval.pose_evaluation import PoseEvaluator
         from simpick.pose_eval.pose_runs import score_images
         from simpick.pose_eval.pose_sources import FileSource, make_source
+        from simpick.terminal import Console
 
         dataset = BopDataset(root, self.split, camera=self.camera, models=self.models)
         if self.targets == "annotations":
@@ -104,7 +102,7 @@ class Evaluate:
         keys = list(dict.fromkeys((t.scene_id, t.im_id) for t in targets))[: self.max_images]
         chosen = set(keys)
         targets = [t for t in targets if (t.scene_id, t.im_id) in chosen]
-        detections = None if self.detections is None else read_detections(self.detections)
+        detections = None if self.detections == "perfect" else read_detections(Path(self.detections))
 
         def part_of(name: str) -> Part:
             return dataset.models.part(dataset.models.obj_id(name))
@@ -127,15 +125,13 @@ class Evaluate:
                 on_image=lambda *answer: lines.extend(bop_evaluation.results_from_estimates(dataset, *answer)),
                 console=console,
             )
-        self._print(console, evaluation, f"{method} on {dataset.name}, {self.detections or 'true'} detections")
+        self._print(console, evaluation, f"{method} on {dataset.name}, {self.detections} detections")
         if self.results_out is not None:
             write_results(self.results_out, lines)
             console.print(f"results: {self.results_out}")
         return 0
 
     def _run_bins(self) -> int:
-        from rich.console import Console
-
         from simpick.assets.library import get_part, library_part_names
         from simpick.bop import BopWriter, write_detections
         from simpick.pose_eval.bin_images import bin_images, export_bin
@@ -144,9 +140,10 @@ class Evaluate:
         from simpick.pose_eval.pose_runs import score_images
         from simpick.pose_eval.pose_sources import make_source
         from simpick.scene import SceneConfig
+        from simpick.terminal import Console
 
         names = self.parts or tuple(library_part_names())
-        # No arm: it stands at home, out of the overhead camera's sight.
+        # No arm: at its home pose it is outside the overhead camera's image.
         config = SceneConfig(parts=names, count=self.count, robot=None, randomization=self.randomization)
         parts = {part.name: part for part in map(get_part, names)}
         # Before any bin is simulated, so that a wrong name costs no time.
@@ -158,22 +155,22 @@ class Evaluate:
                 writer = stack.enter_context(BopWriter(self.export, list(parts.values())))
 
             found = []
-            seeds = range(self.seed, self.seed + self.scenes)
+            seeds = range(self.seed, self.seed + self.bins)
             if writer is not None:
                 writer.check_new(seeds)
 
             def images() -> Iterator[PoseImage]:
-                for bin_image in bin_images(config, seeds, self.noise):
+                for bin_image in bin_images(config, seeds, self.detections):
                     if writer is not None:
                         im_id = export_bin(writer, bin_image)
                         found.append((bin_image.image.scene_id, im_id, -1.0, bin_image.image.detections))
                     yield bin_image.image
 
             evaluator = stack.enter_context(PoseEvaluator(lambda name: PoseModel.of(parts[name]), vsd=self.vsd))
-            evaluation = score_images(images(), source, evaluator, total=self.scenes, console=console)
-        self._print(console, evaluation, f"{self.estimator} on {self.scenes} bins, {self.noise} detections")
+            evaluation = score_images(images(), source, evaluator, total=self.bins, console=console)
+        self._print(console, evaluation, f"{self.estimator} on {self.bins} bins, {self.detections} detections")
         if writer is not None and self.export is not None:
-            name = f"detections_{self.noise}_{seeds[0]}-{seeds[-1]}.json"
+            name = f"detections_{self.detections}_{seeds[0]}-{seeds[-1]}.json"
             write_detections(self.export / name, found, writer.obj_ids.__getitem__)
             console.print(f"data set: {self.export}")
         return 0
@@ -186,5 +183,5 @@ class Evaluate:
         console.print(summary_table(evaluation))
         console.print(
             f"{evaluation.images} images, {evaluation.detections} detections, "
-            f"{evaluation.ms_per_detection:.1f} ms a detection"
+            f"{evaluation.ms_per_detection:.1f} ms per detection"
         )

@@ -1,4 +1,4 @@
-"""``simpick grasps``: verify grasps of parts and look at how well a gripper covers them."""
+"""``simpick grasps``: verify grasps of parts and report how well each gripper covers them."""
 
 from __future__ import annotations
 
@@ -7,33 +7,38 @@ from typing import Annotated, Literal, TypeAlias
 
 import tyro
 
+from simpick.config import Config, PositiveInt
+
 Kind: TypeAlias = Literal["jaw", "suction"]
 _KINDS: tuple[Kind, ...] = ("jaw", "suction")
 
 
 @dataclass(frozen=True)
 class GraspsShow:
-    """Print how many verified grasps parts have, and in which share of their resting poses they can be picked."""
+    """Count the verified grasps of parts, per gripper.
 
-    parts: tyro.conf.Positional[tuple[str, ...]] = ()
-    """Part names or mesh files; none means the library."""
+    The table also gives the share of a part's resting poses in which it can be picked.
+    """
+
+    parts: Annotated[
+        tuple[str, ...],
+        tyro.conf.Positional,
+        tyro.conf.arg(metavar="PART ...", help_behavior_hint="(default: the library)"),
+    ] = ()
+    """Part names or paths to mesh files."""
     grippers: tuple[Kind, ...] = _KINDS
-    """Which grippers."""
+    """Grippers to report."""
 
     def run(self) -> int:
         """Print the table; parts that are new to the cache take some seconds each."""
-        from rich.console import Console
-        from rich.table import Table
-
         from simpick.assets.library import get_part, library_part_names
         from simpick.grasping import verified_grasps
         from simpick.grasping.coverage import resting_coverage
+        from simpick.terminal import Console, narrow_table
 
-        table = Table(title="verified grasps; share of resting poses with two feasible ones")
-        table.add_column("part")
-        for kind in self.grippers:
-            table.add_column(kind, justify="right")
-            table.add_column("covered", justify="right")
+        columns = [column for kind in self.grippers for column in (kind, "covered")]
+        title = "verified grasps; share of resting poses with two feasible ones"
+        table = narrow_table("part", *columns, title=title)
         for name in self.parts or library_part_names():
             part = get_part(name)
             row = [part.name]
@@ -45,32 +50,26 @@ class GraspsShow:
 
 
 @dataclass(frozen=True)
-class GraspsBuild:
-    """Verify the library's grasps and write them into the source tree, where they ship with the package.
+class GraspsBuild(Config):
+    """Verify the library's grasps and write the files that ship.
 
     Run it after a change to library parts, grippers, sampling or verification. Files that still fit are kept.
     """
 
-    workers: int = 1
-    """Parts to work on at the same time, each in a process of its own."""
+    workers: PositiveInt = 1
+    """Parts to process at the same time, each in its own process."""
 
     def run(self) -> int:
         """Write ``assets/grasps/*.npz``."""
-        from concurrent.futures import ProcessPoolExecutor
-        from multiprocessing import get_context
-
-        from rich.console import Console
-
         from simpick.assets.library import library_part_names
-        from simpick.errors import ConfigError
+        from simpick.terminal import Console
+        from simpick.workers import UNLIMITED, WorkerPool
 
-        if self.workers < 1:
-            raise ConfigError(f"workers must be 1 or more, got {self.workers}")
         console = Console()
         jobs: list[tuple[str, Kind]] = [(name, kind) for name in library_part_names() for kind in _KINDS]
-        with ProcessPoolExecutor(self.workers, mp_context=get_context("spawn")) as pool:
-            for line in pool.map(_build, jobs):
-                console.print(line)
+        with WorkerPool(self.workers, UNLIMITED) as pool:
+            for call in [pool.submit(_build, job) for job in jobs]:
+                console.print(call.result())
         return 0
 
 
@@ -92,17 +91,3 @@ def _build(job: tuple[str, Kind]) -> str:
     grasps = verified(part, candidate_grasps(part, kind))
     save_grasps(path, part, kind, grasps)
     return f"{name} {kind}: {len(grasps)} grasps in {time.perf_counter() - start:.1f} s"
-
-
-@dataclass(frozen=True)
-class GraspsCommand:
-    """Verify grasps of parts, and see how well the grippers cover them."""
-
-    action: (
-        Annotated[GraspsShow, tyro.conf.subcommand(name="show", prefix_name=False)]
-        | Annotated[GraspsBuild, tyro.conf.subcommand(name="build", prefix_name=False)]
-    )
-
-    def run(self) -> int:
-        """Run the chosen subcommand."""
-        return self.action.run()

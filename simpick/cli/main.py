@@ -1,88 +1,180 @@
-"""``simpick``: one command line, one file a command.
+"""``simpick``: one command line, one file per command.
 
-Only the light parts of simpick are imported here; each command imports what it needs when it runs, so that
-``simpick --help`` answers at once.
+A command is a frozen dataclass whose fields are its options, read by tyro, and whose method `run` does the work and
+returns the exit code. `COMMANDS` lists them. Only the chosen command's module is imported, and it imports what is
+heavy when it runs, so that ``simpick --help`` answers at once.
 """
 
 from __future__ import annotations
 
 import contextlib
 import io
+import itertools
 import os
+import re
+import shutil
 import sys
-from typing import Annotated, Any
+import textwrap
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from typing import Protocol, runtime_checkable
 
-import tyro
-
-from simpick.cli.ablate import Ablate
-from simpick.cli.benchmark import Benchmark
-from simpick.cli.compare import Compare
-from simpick.cli.doctor import Doctor
-from simpick.cli.evaluate import Evaluate
-from simpick.cli.grasps import GraspsCommand
-from simpick.cli.parts import PartsCommand
-from simpick.cli.pose_benchmark import Yardstick
-from simpick.cli.refiner import RefinerCommand
-from simpick.cli.run import Run
-from simpick.cli.sweep import Sweep
-from simpick.cli.templates import TemplatesCommand
-from simpick.cli.train import Train
-from simpick.errors import SimpickError
+from simpick import __version__
+from simpick.errors import SimpickError, UnknownNameError
 
 DESCRIPTION = "A wind tunnel for robotic bin picking: will this part be picked from RGB, how fast, and why not?"
-_configure = tyro.conf.subcommand
-Command = (
-    Annotated[Run, _configure(name="run")]
-    | Annotated[PartsCommand, _configure(name="parts")]
-    | Annotated[TemplatesCommand, _configure(name="templates")]
-    | Annotated[GraspsCommand, _configure(name="grasps")]
-    | Annotated[Evaluate, _configure(name="evaluate")]
-    | Annotated[Yardstick, _configure(name="yardstick")]
-    | Annotated[Compare, _configure(name="compare")]
-    | Annotated[RefinerCommand, _configure(name="refiner")]
-    | Annotated[Sweep, _configure(name="sweep")]
-    | Annotated[Benchmark, _configure(name="benchmark")]
-    | Annotated[Train, _configure(name="train")]
-    | Annotated[Ablate, _configure(name="ablate")]
-    | Annotated[Doctor, _configure(name="doctor")]
-)
+COMMANDS = {
+    "run": "run:Run",
+    "compare": "compare:Compare",
+    "sweep": "sweep:Sweep",
+    "evaluate": "evaluate:Evaluate",
+    "pose-benchmark": "pose_benchmark:PoseBenchmark",
+    "parts list": "parts:PartsList",
+    "parts show": "parts:PartsShow",
+    "parts add": "parts:PartsAdd",
+    "parts remove": "parts:PartsRemove",
+    "templates show": "templates:TemplatesShow",
+    "templates make": "templates:TemplatesMake",
+    "grasps show": "grasps:GraspsShow",
+    "grasps build": "grasps:GraspsBuild",
+    "train": "train:Train",
+    "ablate": "ablate:Ablate",
+    "refiner basin": "refiner:RefinerBasin",
+    "refiner calibrate": "refiner:RefinerCalibrate",
+    "benchmark": "benchmark:Benchmark",
+    "doctor": "doctor:Doctor",
+}
+"""Module and class in `simpick.cli` of each command, in the order of the help."""
+FORMER_COMMANDS = {"yardstick": "pose-benchmark"}
+FORMER_OPTIONS = {
+    "run": {"--perception": "--estimator"},
+    "evaluate": {"--scenes": "--bins", "--noise": "--detections"},
+    "pose-benchmark": {"--noise": "--detections"},
+    "parts add": {"--replace": "--overwrite"},
+}
+"""Former names of commands and of their options, which still work in version 0.2."""
 
 
-def main(arguments: list[str] | None = None) -> int:
+@runtime_checkable
+class Command(Protocol):
+    """What a command must offer."""
+
+    def run(self) -> int:
+        """Do the work and return the exit code."""
+        ...
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code; errors that simpick raises on purpose print without a traceback."""
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        command = _parse(arguments)
+        if arguments == ["--version"]:
+            print(f"simpick {__version__}")
+            return 0
+        name = _command_name(arguments)
+        if name not in COMMANDS:
+            print(_overview(name))
+            return 0 if arguments and arguments[-1] in ("-h", "--help") else 2
+        command = _parse(name, _current_options(name, arguments[len(name.split()) :]))
         if os.environ.get("MUJOCO_GL"):
-            import simpick.rendering  # noqa: F401 - refuses an unknown back end before MuJoCo fails on it obscurely
+            import simpick.rendering  # noqa: F401 - rejects an unknown back end before MuJoCo fails on it obscurely
         return command.run()
     except SimpickError as error:
         print(f"simpick: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("simpick: interrupted; what was finished is kept, run the same command again to go on", file=sys.stderr)
+        print("simpick: interrupted; finished work is kept, run the same command again to resume", file=sys.stderr)
         return 130
 
 
-def _parse(arguments: list[str] | None) -> Any:
-    """Return the command that the arguments ask for; exits on what the parser refuses.
+def _command_name(arguments: Sequence[str]) -> str:
+    """Return the command that the arguments begin with, or the group whose overview they ask for: "" for all.
 
-    A setting that its own configuration refuses reaches the parser as a ValueError, which it reports under a name of
-    its own making. Such an error is complete as it is, and is raised again instead.
+    Raises:
+        UnknownNameError: there is no such command.
     """
-    complaint = io.StringIO()
-    # One flag each, such as --record (no --no-record, because False is the default), and no --action.out.
+    words = list(itertools.takewhile(lambda word: not word.startswith("-"), arguments[:2]))
+    if words:
+        words[0] = _current(words[0], FORMER_COMMANDS)
+    for name in (" ".join(words), *words[:1]):
+        if name in COMMANDS:
+            return name
+    groups = {name.split()[0] for name in COMMANDS if " " in name}
+    if not words or (words[0] in groups and len(words) == 1):
+        return "".join(words)
+    raise UnknownNameError("command", " ".join(words if words[0] in groups else words[:1]), COMMANDS)
+
+
+def _current_options(name: str, arguments: Sequence[str]) -> list[str]:
+    """Return the arguments with former names of options replaced."""
+    former = FORMER_OPTIONS.get(name, {})
+    split = [argument.partition("=") for argument in arguments]
+    return [_current(option, former) + sign + value for option, sign, value in split]
+
+
+def _current(word: str, former: Mapping[str, str]) -> str:
+    if word in former:
+        print(f"simpick: {word} is now called {former[word]}", file=sys.stderr)
+    return former.get(word, word)
+
+
+def _overview(group: str) -> str:
+    """Return one line per command, of all commands or of those of a group."""
+    names = [name for name in COMMANDS if not group or name.split()[0] == group]
+    width = max(map(len, names))
+    lines = [f"  {name:{width}}  {(_load(name).__doc__ or '').splitlines()[0]}" for name in names]
+    usage = f"usage: simpick {group} COMMAND [OPTIONS]".replace("  ", " ")
+    more = "simpick COMMAND --help shows the options of a command, simpick --version the version."
+    return "\n".join([usage, "", *textwrap.wrap(DESCRIPTION, 80), "", *lines, "", *textwrap.wrap(more, 80)])
+
+
+def _load(name: str) -> type[Command]:
+    module, _, cls = COMMANDS[name].partition(":")
+    return getattr(import_module(f"simpick.cli.{module}"), cls)
+
+
+def _parse(name: str, arguments: Sequence[str]) -> Command:
+    """Return the command with its options; exits where tyro rejects them, and after printing help.
+
+    A value that its own configuration rejects reaches tyro as a ValueError, which it reports under a name of its own.
+    Such an error is complete as it is, and is raised again instead.
+    """
+    import tyro
+
+    shown, complaint = _Captured(), io.StringIO()
+    # One flag per switch, such as --record (no --no-record, because False is the default), and no --config.out.
     style = (tyro.conf.FlagCreatePairsOff, tyro.conf.OmitArgPrefixes)
     try:
-        with contextlib.redirect_stderr(complaint):
-            return tyro.cli(Command, prog="simpick", description=DESCRIPTION, args=arguments, config=style)
+        with contextlib.redirect_stdout(shown), contextlib.redirect_stderr(complaint):
+            return tyro.cli(_load(name), prog=f"simpick {name}", args=arguments, config=style)
     except SystemExit as ending:
-        refused: BaseException | None = ending
-        while refused is not None and not isinstance(refused, SimpickError):
-            refused = refused.__context__
-        if refused is not None:
-            raise refused from None
+        rejected: BaseException | None = ending
+        while rejected is not None and not isinstance(rejected, SimpickError):
+            rejected = rejected.__context__
+        if rejected is not None:
+            raise rejected from None
+        sys.stdout.write(_wrapped(shown.getvalue()))
         sys.stderr.write(complaint.getvalue())
         raise
+
+
+class _Captured(io.StringIO):
+    """Text on its way to the standard output, formatted by tyro for that."""
+
+    encoding = property(lambda self: sys.__stdout__.encoding if sys.__stdout__ else None)  # type: ignore[assignment]
+
+    def isatty(self) -> bool:
+        return sys.__stdout__ is not None and sys.__stdout__.isatty()
+
+
+def _wrapped(text: str) -> str:
+    """Return help with its long lines wrapped to the terminal: the command's description, which tyro does not wrap."""
+    width = shutil.get_terminal_size().columns
+    lines = []
+    for line in re.sub("\n{3,}", "\n\n", text).split("\n"):
+        visible = re.sub(r"\x1b\[[0-9;]*m", "", line)
+        lines += textwrap.wrap(line, width) if len(visible) > width else [line]
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":

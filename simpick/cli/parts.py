@@ -1,4 +1,4 @@
-"""``simpick parts``: list the parts that there are, look at them, add your own CAD, remove it again."""
+"""``simpick parts``: list parts, show them, add your own CAD files and remove them."""
 
 from __future__ import annotations
 
@@ -8,52 +8,57 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
+from annotated_types import Interval
 
 from simpick.assets.units import Unit
+from simpick.config import Config, Fraction, PositiveFloat, PositiveInt
 
 if TYPE_CHECKING:
     from simpick.assets.part import Part
 
 
+PartNames = Annotated[
+    tuple[str, ...],
+    tyro.conf.Positional,
+    tyro.conf.arg(metavar="PART ...", help_behavior_hint="(default: all library and added parts)"),
+]
+
+
 @dataclass(frozen=True)
 class PartsList:
-    """List the library parts and those you added: size, mass, symmetry, collision pieces."""
+    """List parts with size, mass, symmetry and collision pieces."""
 
     def run(self) -> int:
-        """Print the table."""
-        from rich.console import Console
-        from rich.table import Table
-
+        """Print the table: the library parts, then those that were added."""
         from simpick.assets import get_part, library_part_names, part_names
         from simpick.assets.user_parts import describe_symmetry
+        from simpick.terminal import Console, narrow_table
 
-        table = Table(title="Parts")
-        for heading in ("name", "from", "extents (mm)", "mass (g)", "symmetry", "pieces"):
-            table.add_column(heading, justify="right" if heading in ("mass (g)", "pieces") else "left")
+        table = narrow_table("name", "from", "symmetry", "extents, mm", "mass, g", "pieces", title="Parts", labels=3)
         library = set(library_part_names())
         for name in part_names():
             part = get_part(name)
             source = "library" if name in library else "added"
             symmetry = describe_symmetry(part.symmetries)
-            table.add_row(name, source, _extents(part), f"{part.mass_kg * 1e3:.1f}", symmetry, str(len(part.collision)))
+            table.add_row(name, source, symmetry, _extents(part), f"{part.mass_kg * 1e3:.1f}", str(len(part.collision)))
         Console().print(table)
         return 0
 
 
 @dataclass(frozen=True)
-class PartsShow:
+class PartsShow(Config):
     """Draw a contact sheet of parts as a PNG image."""
 
-    parts: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="PART")] = ()
-    """Names or paths to mesh files; all library and added parts if none is given."""
+    parts: PartNames = ()
+    """Part names or paths to mesh files."""
     out: Path = Path("logs/parts.png")
     """The image to write."""
-    columns: int = 6
-    """Parts in a row."""
-    cell_px: int = 240
+    columns: PositiveInt = 6
+    """Parts per row."""
+    cell_px: Annotated[int, Interval(ge=64, le=1024)] = 240
     """Side of each picture in pixels."""
-    overwrite: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Replace the image if it is there already."""
+    overwrite: bool = False
+    """Replace the image if it exists."""
 
     def run(self) -> int:
         """Render the sheet and write it."""
@@ -66,10 +71,6 @@ class PartsShow:
 
         if self.out.suffix.lower() != ".png":
             raise ConfigError(f"the sheet must be a .png file, got {str(self.out)!r}")
-        if self.columns < 1 or not 64 <= self.cell_px <= 1024:
-            raise ConfigError(
-                f"columns must be at least 1 and cell_px between 64 and 1024, got {self.columns} and {self.cell_px}"
-            )
         if self.out.exists() and not self.overwrite:
             raise OutputError(f"{self.out} exists already. Choose another file with --out, or pass --overwrite.")
         parts = [get_part(name) for name in self.parts or part_names()]
@@ -82,30 +83,35 @@ class PartsShow:
 
 
 @dataclass(frozen=True)
-class PartsAdd:
-    """Register a CAD file (STL, OBJ, PLY, GLB) under a name that every command takes from now on."""
+class PartsAdd(Config):
+    """Add a CAD file (STL, OBJ, PLY, GLB) as a part with a name.
 
-    file: tyro.conf.Positional[Path]
-    """The mesh; it is copied."""
-    name: str | None = None
-    """Letters, digits and underscores; made of the file's name if not given."""
+    Every command accepts the name from then on. The file is copied.
+    """
+
+    file: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FILE")]
+    """The mesh file."""
+    name: Annotated[
+        str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="(default: made from the file's name)")
+    ] = None
+    """Letters, digits and underscores."""
     unit: Unit = "auto"
-    """Unit of the file's coordinates; auto takes mm or m by plausible size and says which."""
-    density: float = 1200.0
+    """Unit of the file's coordinates; auto chooses mm or m by plausible size and reports which."""
+    density: PositiveFloat = 1200.0
     """Density in kg/m^3: about 1200 for plastic, 2700 for aluminium, 7850 for steel."""
-    rgb: tuple[float, float, float] = (0.6, 0.6, 0.62)
+    rgb: tuple[Fraction, Fraction, Fraction] = (0.6, 0.6, 0.62)
     """Colour, each channel between 0 and 1."""
-    simplify: tyro.conf.FlagCreatePairsOff[bool] = False
+    simplify: bool = False
     """Merge facets within 0.1 % of the size: for meshes with very many faces."""
-    replace: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Overwrite a part that was added under the same name."""
+    overwrite: bool = False
+    """Replace a part that was added under the same name."""
 
     def run(self) -> int:
-        """Import the file, register it and print what was decided."""
+        """Import the file, register it and print the unit, size and mass that it was given."""
         from simpick.assets import CadSettings, add_user_part
 
         settings = CadSettings(self.unit, self.density, self.rgb, self.simplify)
-        imported = add_user_part(self.file, settings, name=self.name, replace=self.replace)
+        imported = add_user_part(self.file, settings, name=self.name, replace=self.overwrite)
         part = imported.part
         for note in imported.notes:
             print(note)
@@ -118,16 +124,17 @@ class PartsAdd:
 
 @dataclass(frozen=True)
 class PartsRemove:
-    """Remove a part that was added, with the copy of its CAD file; the file that it was added from stays.
+    """Remove a part that was added.
 
-    Grasps, templates and the like that were made of it stay in the cache, and are used if it is added again.
+    The copy of its CAD file is removed; the original file stays. So do its grasps and templates in the cache, which
+    are used again if the part is added again.
     """
 
     name: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")]
     """Name of a part that was added; library parts cannot be removed."""
 
     def run(self) -> int:
-        """Remove the part and print where it lay."""
+        """Remove the part and print the folder of its copy."""
         from simpick.assets import remove_user_part
 
         folder = remove_user_part(self.name)
@@ -135,25 +142,8 @@ class PartsRemove:
         return 0
 
 
-@dataclass(frozen=True)
-class PartsCommand:
-    """List the parts that there are, look at them, add your own CAD, remove it again."""
-
-    action: tyro.conf.OmitArgPrefixes[
-        Annotated[PartsList, tyro.conf.subcommand(name="list", prefix_name=False)]
-        | Annotated[PartsShow, tyro.conf.subcommand(name="show", prefix_name=False)]
-        | Annotated[PartsAdd, tyro.conf.subcommand(name="add", prefix_name=False)]
-        | Annotated[PartsRemove, tyro.conf.subcommand(name="remove", prefix_name=False)]
-    ]
-    """What to do with parts."""
-
-    def run(self) -> int:
-        """Run the chosen subcommand."""
-        return self.action.run()
-
-
 def describe_files(parts: Iterable[str]) -> list[str]:
-    """Return a line for each of these parts that is a mesh file: how large and heavy it was taken to be.
+    """Return a line for each of these parts that is a mesh file: the size and mass that were assumed.
 
     Raises:
         UnknownPartError, MeshError: a file does not exist or cannot be a part.

@@ -1,50 +1,57 @@
-"""``simpick yardstick``: how good are an estimator's poses on the fixed bins that every estimator is measured on?"""
+"""``simpick pose-benchmark``: the accuracy of pose estimators on fixed bins, the same for every estimator."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import tyro
+from annotated_types import MinLen
+
+from simpick.config import Config, PositiveInt
+
+_ESTIMATORS_OWN = "(default: the estimator's own)"
 
 
 @dataclass(frozen=True)
-class Yardstick:
-    """Measure pose estimators on 50 fixed bins of library parts: 30 mixed, 20 of one part each, seen from above.
+class PoseBenchmark(Config):
+    """Score pose estimators on 50 fixed bins of library parts.
 
-    They hold 12 to 50 parts. The first run simulates and renders them, which takes minutes, and keeps what the camera
-    saw. For each estimator, tables of errors, recalls and time; of the same by visibility; and of its hypotheses.
+    30 bins are mixed and 20 hold one kind of part, 12 to 50 parts each, seen from above. The first run simulates and
+    renders them, which takes minutes, and caches the images. For each estimator, tables report errors, recalls and
+    time, the same by visibility, and the best of its hypotheses. Several estimators are compared, each with its
+    predecessor.
     """
 
-    estimators: tyro.conf.Positional[tuple[str, ...]] = ("oracle",)
-    """Who estimates poses: oracle, retrieval, another that ships, or one that a package registers; NAME@K asks it for K
-    hypotheses. Several are told apart in order, each from the one before."""
-    noise: tuple[Literal["perfect", "realistic"], ...] = ("perfect", "realistic")
-    """How well parts are segmented before their poses are estimated; each gets its own figures."""
-    bins: int | None = None
-    """Only the first so many bins: a quick look, not the yardstick's figures."""
-    hypotheses: int | None = None
-    """Ask for this many hypotheses instead of the estimator's own number; more take longer. The oracle has none."""
-    iterations: int | None = None
-    """Of coarse and fine: how often they take templates around their own estimate, instead of their own number."""
-    steps: int | None = None
-    """Of coarse and fine: denoising steps of an answer, instead of their own number."""
-    workers: int = 1
-    """Bins to work on at the same time, each in a process of its own; times of estimates suffer from it."""
-    out: Path | None = None
-    """Folder to write all figures to, as yardstick.json."""
+    estimators: Annotated[tuple[str, ...], MinLen(1), tyro.conf.Positional, tyro.conf.arg(metavar="ESTIMATOR ...")] = (
+        "oracle",
+    )
+    """oracle, an estimator that ships, or one of another package; NAME@K asks for K hypotheses."""
+    detections: Annotated[tuple[Literal["perfect", "realistic"], ...], MinLen(1)] = ("perfect", "realistic")
+    """Quality of the masks that poses are estimated from; each is scored on its own."""
+    bins: Annotated[PositiveInt | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: all 50)")] = None
+    """How many bins to use, from the first; only all 50 give the benchmark's figures."""
+    hypotheses: Annotated[PositiveInt | None, tyro.conf.arg(metavar="INT", help_behavior_hint=_ESTIMATORS_OWN)] = None
+    """How many hypotheses to ask for per detection; the oracle has none."""
+    iterations: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint=_ESTIMATORS_OWN)] = None
+    """coarse and fine: how many times templates are chosen around the estimator's own answer."""
+    steps: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint=_ESTIMATORS_OWN)] = None
+    """coarse and fine: denoising steps per answer."""
+    workers: PositiveInt = 1
+    """Bins to process at the same time, each in its own process; estimates take longer then."""
+    out: Annotated[Path | None, tyro.conf.arg(metavar="PATH", help_behavior_hint="(default: no file is written)")] = (
+        None
+    )
+    """Folder for yardstick.json, which holds all figures."""
     overwrite: bool = False
-    """Replace the figures that are in `out` already."""
+    """Replace the figures in the folder --out."""
 
     def run(self) -> int:
-        """Measure one estimator after another and print its tables."""
+        """Score one estimator after the other and print its tables."""
         import time
 
-        from rich.console import Console
-
         from simpick.assets.library import get_part
-        from simpick.errors import ConfigError
         from simpick.estimators.registry import PoseBudget
         from simpick.pose_eval.benchmark_bins import benchmark_bins
         from simpick.pose_eval.benchmark_gains import gains, gains_table
@@ -57,12 +64,9 @@ class Yardstick:
         )
         from simpick.pose_eval.benchmark_runs import make_views, run_pose_benchmark
         from simpick.pose_eval.pose_sources import make_source
+        from simpick.terminal import Console
 
         bins = benchmark_bins(self.bins)
-        if not self.estimators:
-            raise ConfigError("name one estimator or more, such as: simpick yardstick oracle retrieval")
-        if self.workers < 1:
-            raise ConfigError(f"workers must be 1 or more, got {self.workers}")
         budget = PoseBudget(self.iterations, self.steps)
         # Before any bin is made or file is written, so that a wrong name costs nothing.
         for estimator in self.estimators:
@@ -77,13 +81,13 @@ class Yardstick:
         console = Console()
         start = time.perf_counter()
         if made := make_views(bins, workers=self.workers, console=console):
-            console.print(f"{made} bins made in {time.perf_counter() - start:.0f} s; they are kept for the next time")
+            console.print(f"{made} bins made and cached in {time.perf_counter() - start:.0f} s")
         results = []
         for estimator in self.estimators:
             start = time.perf_counter()
             result = run_pose_benchmark(
                 estimator,
-                noises=self.noise,
+                noises=self.detections,
                 bins=self.bins,
                 hypotheses=self.hypotheses,
                 budget=budget,

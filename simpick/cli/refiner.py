@@ -1,4 +1,4 @@
-"""``simpick refiner``: from how far off does refinement find a pose, and how sure may one be of it?"""
+"""``simpick refiner``: the refiner's basin of convergence and the calibration of its confidence."""
 
 from __future__ import annotations
 
@@ -6,37 +6,36 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import tyro
+from annotated_types import Interval, MinLen
+
+from simpick.config import Config, PositiveInt
 
 
 @dataclass(frozen=True)
-class RefinerBasin:
-    """Plot the final error against the initial one: true poses are disturbed and refined, on yardstick bins."""
+class RefinerBasin(Config):
+    """Plot the final against the initial error of refined poses.
 
-    bins: int = 5
-    """How many of the yardstick's bins."""
-    starts_deg: tuple[float, ...] = (5.0, 10.0, 20.0, 30.0, 45.0)
-    """Initial rotation errors, about random axes."""
-    depth_percent: float = 10.0
-    """Initial depth errors are drawn evenly up to this."""
+    True poses on bins of the pose benchmark are disturbed and refined.
+    """
+
+    bins: PositiveInt = 5
+    """How many bins of the pose benchmark to use, from the first."""
+    starts_deg: Annotated[tuple[Annotated[float, Interval(ge=0, le=180)], ...], MinLen(1)] = (5, 10, 20, 30, 45)
+    """Initial rotation errors in degrees, about random axes."""
+    depth_percent: Annotated[float, Interval(ge=0, lt=100)] = 10.0
+    """Largest initial depth error, in percent; errors are drawn uniformly up to it."""
     seed: int = 0
-    """Of the disturbances."""
+    """Seed of the disturbances."""
     out: Path = Path("logs/refiner_basin.png")
-    """The plot to write; one of that name is replaced."""
+    """The plot to write; an existing file is replaced."""
 
     def run(self) -> int:
         """Measure and plot."""
-        from rich.console import Console
-
-        from simpick.errors import ConfigError
         from simpick.estimators.refiner import Refiner
         from simpick.pose_eval.benchmark_bins import benchmark_bins, load_view
         from simpick.pose_eval.refiner_basin import measure_basin, plot_basin
+        from simpick.terminal import Console
 
-        if not self.starts_deg or min(self.starts_deg) < 0 or max(self.starts_deg) > 180:
-            raise ConfigError(f"starts_deg must be one or more angles between 0 and 180, got {self.starts_deg}")
-        if not 0 <= self.depth_percent < 100:
-            raise ConfigError(f"depth_percent must be between 0 and 100, got {self.depth_percent}")
         views = [load_view(bin) for bin in benchmark_bins(self.bins)]
         with Refiner() as refiner:
             points = measure_basin(views, refiner, self.starts_deg, self.depth_percent / 100, self.seed)
@@ -46,28 +45,26 @@ class RefinerBasin:
 
 
 @dataclass(frozen=True)
-class RefinerCalibrate:
-    """Fit the probability that a refined pose can be picked by, on bins of random parts; check it on library parts.
+class RefinerCalibrate(Config):
+    """Fit the probability that a refined pose can be picked by.
 
-    The random parts are training parts, so that library parts stay unseen. Hypotheses come from `retrieval`: its five
-    best together, and its best alone with its flips, as `refined` starts.
+    It is fitted on bins of random parts, so that library parts stay unseen, and checked on library parts. Hypotheses
+    come from the estimator retrieval: its five best together, and its best alone with its flips, where refined starts.
     """
 
-    bins: int = 8
-    """Bins of random parts to fit on, each with parts of its own."""
-    parts: int = 4
-    """Kinds of random parts in each bin."""
-    count: int = 24
-    """Instances in each bin."""
-    check_bins: int = 10
-    """Yardstick bins to check on."""
+    bins: PositiveInt = 8
+    """Bins of random parts to fit on, each with its own parts."""
+    parts: PositiveInt = 4
+    """Kinds of random parts per bin."""
+    count: PositiveInt = 24
+    """Instances per bin."""
+    check_bins: PositiveInt = 10
+    """How many bins of the pose benchmark to check on, from the first."""
     out: Path = Path("logs/refiner_calibration")
-    """Folder for confidence.json and reliability.png; files of these names are replaced."""
+    """Folder for confidence.json and reliability.png; existing files are replaced."""
 
     def run(self) -> int:
         """Fit, check, write."""
-        from rich.console import Console
-
         from simpick.estimators.refiner import RefinedEstimator
         from simpick.estimators.refiner.confidence import fit_confidence
         from simpick.estimators.retrieval import RetrievalConfig, RetrievalEstimator
@@ -81,6 +78,7 @@ class RefinerCalibrate:
             random_bin,
             write_confidence,
         )
+        from simpick.terminal import Console
 
         check = [load_view(bin) for bin in benchmark_bins(self.check_bins)]
         fit = [random_bin(k, self.parts, self.count) for k in range(self.bins)]
@@ -116,17 +114,3 @@ class RefinerCalibrate:
         Console().print(provenance)
         Console().print(f"written to {self.out}", soft_wrap=True)
         return 0
-
-
-@dataclass(frozen=True)
-class RefinerCommand:
-    """Look into the refiner: its basin of convergence, and how sure one may be of its poses."""
-
-    action: (
-        Annotated[RefinerBasin, tyro.conf.subcommand(name="basin", prefix_name=False)]
-        | Annotated[RefinerCalibrate, tyro.conf.subcommand(name="calibrate", prefix_name=False)]
-    )
-
-    def run(self) -> int:
-        """Run the chosen subcommand."""
-        return self.action.run()

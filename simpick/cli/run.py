@@ -1,4 +1,4 @@
-"""``simpick run``: fill bins, look at them, empty them; with recordings and a table."""
+"""``simpick run``: pick bins empty with one perception mode; a table of scores, results and recordings."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Run:
-    """Pick bins empty in closed loop, print a table and leave results.jsonl (and recordings) behind.
+    """Pick bins empty in closed loop and report the scores.
 
-    Running the same command again goes on where it was stopped.
+    The same command resumes a run that was stopped, also with more episodes.
     """
 
     config: tyro.conf.OmitArgPrefixes[RunConfig] = field(default_factory=RunConfig)
@@ -28,11 +28,11 @@ class Run:
     out: Path = Path("logs/run")
     """Folder for config.json, results.jsonl and the recordings."""
     record: bool = False
-    """Write one rerun recording an episode."""
+    """Write one rerun recording per episode."""
     overwrite: bool = False
-    """Replace results that are in `out` already, instead of going on with them."""
+    """Replace results in the folder --out instead of resuming them."""
     workers: int = 1
-    """Episodes to run at the same time, each in a process of its own."""
+    """Episodes to run at the same time, each in its own process."""
 
     def run(self) -> int:
         """Run the missing episodes and print the summary."""

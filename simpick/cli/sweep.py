@@ -1,4 +1,4 @@
-"""``simpick sweep``: how exact must a pose be? Oracle poses with more and more noise, and a plot of it."""
+"""``simpick sweep``: grasp success against pose error, from true poses with increasing noise."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from simpick.experiments.run_config import RunConfig
 
 @dataclass(frozen=True)
 class Sweep:
-    """Blur the oracle's poses step by step, run the same bins at each step, and plot grasp success.
+    """Plot grasp success against the error of the poses.
 
-    Translation noise is swept without rotation noise and the other way round. Each step is a run of its own under
-    `out`, so that a sweep which was stopped goes on where it was.
+    The same bins are picked with true poses and increasing noise: translation noise alone, then rotation noise alone.
+    The same command resumes a sweep that was stopped.
     """
 
     config: tyro.conf.OmitArgPrefixes[RunConfig] = field(default_factory=lambda: RunConfig(episodes=4))
-    """What to run at each step; perception and noise are set by the sweep."""
+    """What to run at each level; the sweep sets estimator and noise."""
     levels_mm: tuple[float, ...] = (0.0, 1.0, 2.0, 4.0, 6.0, 8.0, 10.0)
-    """Median translation errors to run."""
+    """Median translation errors, in millimetres."""
     levels_deg: tuple[float, ...] = (0.0, 2.5, 5.0, 10.0, 15.0, 20.0)
-    """Median rotation errors to run."""
+    """Median rotation errors, in degrees."""
     out: Path = Path("logs/sweep")
     """Folder for the runs, sweep.csv and sweep.png."""
     overwrite: bool = False
-    """Replace results that are in `out` already, instead of going on with them."""
+    """Replace results in the folder --out instead of resuming them."""
     workers: int = 1
-    """Episodes to run at the same time, each in a process of its own."""
+    """Episodes to run at the same time, each in its own process."""
 
     def run(self) -> int:
         """Run every step and draw the plot."""

@@ -1,4 +1,4 @@
-"""``simpick templates``: render the templates of parts and look at them."""
+"""``simpick templates``: render and show the templates that pose estimators compare images with."""
 
 from __future__ import annotations
 
@@ -8,12 +8,18 @@ from typing import Annotated
 
 import tyro
 
+from simpick.cli.parts import PartNames
+from simpick.config import Config, PositiveInt
+
 
 @dataclass(frozen=True)
-class TemplatesShow:
-    """Write a contact sheet of a part's templates: all views from +z down, then one view turned in its plane."""
+class TemplatesShow(Config):
+    """Draw a contact sheet of a part's templates as a PNG image.
 
-    part: tyro.conf.Positional[str]
+    It shows all views in order from +z to -z, then one view rotated in its image plane.
+    """
+
+    part: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="PART")]
     """A part's name, or a path to a mesh file."""
     out: Path = Path("logs/templates.png")
     """The image to write."""
@@ -21,23 +27,22 @@ class TemplatesShow:
     """Views on the sphere: 42, 162 or 642."""
     size_px: int = 128
     """Width and height of each template."""
-    columns: int = 18
-    """Views in a row of the sheet."""
+    columns: PositiveInt = 18
+    """Views per row of the sheet."""
     overwrite: bool = False
-    """Replace the image if it is there already."""
+    """Replace the image if it exists."""
 
     def run(self) -> int:
-        """Render the templates, or take them from the cache, and write the sheet."""
+        """Render the templates, or read them from the cache, and write the sheet."""
         import time
 
         import cv2
-        from rich.console import Console
-        from rich.progress import Progress
 
         from simpick.assets import get_part
         from simpick.caching import atomic_write_bytes
         from simpick.errors import ConfigError, OutputError
         from simpick.rendering import TemplateConfig, load_templates, template_sheet
+        from simpick.terminal import Console, progress_bar
 
         config = TemplateConfig(views=self.views, size_px=self.size_px)
         if self.out.suffix.lower() != ".png":
@@ -47,7 +52,7 @@ class TemplatesShow:
             raise OutputError(f"{self.out} exists already. Choose another file with --out, or pass --overwrite.")
         console = Console()
         start = time.perf_counter()
-        with Progress(console=console, transient=True) as bar:
+        with progress_bar(console) as bar:
             task = bar.add_task(f"rendering {part.name}", total=self.views)
             templates = load_templates(part, config, progress=lambda done, _: bar.update(task, completed=done))
         elapsed_s = time.perf_counter() - start
@@ -60,10 +65,10 @@ class TemplatesShow:
 
 @dataclass(frozen=True)
 class TemplatesMake:
-    """Render the templates of parts ahead of time, so that the first run does not wait for them."""
+    """Render the templates of parts before a run needs them."""
 
-    parts: tyro.conf.Positional[tuple[str, ...]] = ()
-    """Names or paths to mesh files; all library and added parts if none is given."""
+    parts: PartNames = ()
+    """Part names or paths to mesh files."""
     views: int = 162
     """Views on the sphere: 42, 162 or 642."""
     size_px: int = 128
@@ -71,31 +76,12 @@ class TemplatesMake:
 
     def run(self) -> int:
         """Render what is not in the cache yet."""
-        from rich.progress import Progress
-
         from simpick.assets import get_part, part_names
         from simpick.rendering import TemplateConfig, load_templates
+        from simpick.terminal import track
 
         config = TemplateConfig(views=self.views, size_px=self.size_px)
         parts = [get_part(name) for name in self.parts or part_names()]
-        with Progress() as bar:
-            task = bar.add_task("templates", total=len(parts))
-            for part in parts:
-                bar.update(task, description=part.name)
-                load_templates(part, config)
-                bar.advance(task)
+        for part in track(parts, "templates", total=len(parts)):
+            load_templates(part, config)
         return 0
-
-
-@dataclass(frozen=True)
-class TemplatesCommand:
-    """Render and look at the templates that pose estimators compare images with."""
-
-    action: (
-        Annotated[TemplatesShow, tyro.conf.subcommand(name="show", prefix_name=False)]
-        | Annotated[TemplatesMake, tyro.conf.subcommand(name="make", prefix_name=False)]
-    )
-
-    def run(self) -> int:
-        """Run the chosen subcommand."""
-        return self.action.run()

@@ -19,7 +19,9 @@ _TRAINING = ("batch", "parts", "templates", "learning_rate", "schedule", "valida
 
 @dataclass(frozen=True)
 class Train:
-    """Train RayPose on random parts in random bins, rendered while it learns; library parts are never seen.
+    """Train RayPose on random parts in random bins.
+
+    Data are rendered while it trains; library parts are never seen.
 
     Ctrl-C keeps what was learned: the same command goes on where it stopped, and one with more time goes on longer.
     The folder then holds weights.safetensors, log.jsonl, curves.png, scaling.png and curves.rrd.

@@ -169,7 +169,7 @@ def test_the_command_prints_recalls_and_writes_results(root, tmp_path, capsys):
     out = tmp_path / "oracle_tiny-test.csv"
     assert Evaluate(dataset=root, vsd=False, results_out=out).run() == 0
     text = capsys.readouterr().out
-    assert "oracle on tiny, true detections" in text and "100.0" in text and "2 images, 4 detections" in text
+    assert "oracle on tiny, perfect detections" in text and "100.0" in text and "2 images, 4 detections" in text
     assert len(read_results(out)) == 4
     assert Evaluate(dataset=root, vsd=False, results=out, max_images=1).run() == 0
     assert "1 images" in capsys.readouterr().out
@@ -178,11 +178,13 @@ def test_the_command_prints_recalls_and_writes_results(root, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("settings", "text"),
     [
-        ({}, r"give either --dataset DIR or --scenes N"),
-        ({"scenes": -1}, r"scenes must be positive, got -1"),
-        ({"scenes": 2, "split": "val"}, r"split must come with --dataset, got --scenes 2"),
-        ({"dataset": "d", "export": "e"}, r"export must come with --scenes; a data set is one already"),
-        ({"dataset": "d", "max_images": 0}, r"max_images must be 1 or more, got 0"),
+        ({}, r"give either --dataset DIR or --bins N"),
+        ({"bins": -1}, r"bins must be at least 0, got -1"),
+        ({"bins": 2, "split": "val"}, r"split must come with --dataset, got --bins 2"),
+        ({"bins": 2, "detections": "d.json"}, r"bins must be perfect or realistic, got 'd.json'"),
+        ({"dataset": "d", "detections": "realistic"}, r"perfect or a JSON file in BOP's format, got 'realistic'"),
+        ({"dataset": "d", "export": "e"}, r"export must come with --bins; a data set is one already"),
+        ({"dataset": "d", "max_images": 0}, r"max_images must be at least 1, got 0"),
     ],
 )
 def test_settings_that_do_not_go_together_are_refused(settings, text, tmp_path):
@@ -195,10 +197,10 @@ def test_settings_that_do_not_go_together_are_refused(settings, text, tmp_path):
 @pytest.mark.render
 def test_fresh_bins_are_evaluated_and_exported_alike(tmp_path, capsys):
     export = tmp_path / "bins"
-    assert Evaluate(scenes=1, count=3, parts=("hex_nut", "l_bracket"), export=export).run() == 0
+    assert Evaluate(bins=1, count=3, parts=("hex_nut", "l_bracket"), export=export).run() == 0
     fresh = capsys.readouterr().out
     with pytest.raises(OutputError, match=r"has scenes 0 already; choose another folder"):
-        Evaluate(scenes=1, count=3, parts=("hex_nut", "l_bracket"), export=export).run()
+        Evaluate(bins=1, count=3, parts=("hex_nut", "l_bracket"), export=export).run()
     assert len(read_detections(export / "detections_perfect_0-0.json")) == 3
     assert Evaluate(dataset=export).run() == 0
     reread = capsys.readouterr().out

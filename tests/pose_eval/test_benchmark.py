@@ -154,7 +154,7 @@ def test_bins_weighted_by_targets_make_the_whole() -> None:
 @pytest.mark.render
 def test_the_command_writes_the_figures_that_several_processes_find_too(tmp_path: Path, capsys) -> None:
     out = tmp_path / "out"
-    assert main(["yardstick", "oracle", "--bins", "2", "--workers", "2", "--out", str(out)]) == 0
+    assert main(["pose-benchmark", "oracle", "--bins", "2", "--workers", "2", "--out", str(out)]) == 0
     (written,) = json.loads((out / "yardstick.json").read_text())["results"]
     here = json.loads(json.dumps(to_json(run_pose_benchmark("oracle", bins=2)), allow_nan=True).replace("NaN", "null"))
     for figures in (written, here):
@@ -168,7 +168,7 @@ def test_the_command_writes_the_figures_that_several_processes_find_too(tmp_path
 
 @pytest.mark.render
 def test_figures_are_not_written_over_anything_by_accident(tmp_path: Path, capsys) -> None:
-    command = ["yardstick", "oracle", "--bins", "1", "--noise", "perfect", "--out", str(tmp_path / "out")]
+    command = ["pose-benchmark", "oracle", "--bins", "1", "--detections", "perfect", "--out", str(tmp_path / "out")]
     assert main(command) == 0
     before = (tmp_path / "out/yardstick.json").read_text()
     assert main(command) == 2
@@ -187,8 +187,8 @@ def test_figures_are_not_written_over_anything_by_accident(tmp_path: Path, capsy
     [
         (("telepathy",), "no perception named 'telepathy'. Valid: coarse, fine, oracle"),
         (("oracle", "--bins", "51"), "bins of the yardstick must be between 1 and 50, got 51"),
-        (("oracle", "--workers", "0"), "workers must be 1 or more, got 0"),
-        (("oracle", "--noise", "wild"), "wild"),
+        (("oracle", "--workers", "0"), "workers must be at least 1, got 0"),
+        (("oracle", "--detections", "wild"), "wild"),
         (
             ("retrieval", "--iterations", "2"),
             "iterations and steps are options of coarse and fine; 'retrieval' has none",
@@ -201,7 +201,7 @@ def test_figures_are_not_written_over_anything_by_accident(tmp_path: Path, capsy
 )
 def test_bad_input_is_refused_before_anything_is_made(arguments, text, tmp_path: Path, capsys) -> None:
     try:
-        code = main(["yardstick", *arguments, "--out", str(tmp_path / "out")])
+        code = main(["pose-benchmark", *arguments, "--out", str(tmp_path / "out")])
     except SystemExit as exit:
         code = exit.code
     errors = " ".join(capsys.readouterr().err.replace("│", "").split())

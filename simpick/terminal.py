@@ -1,0 +1,52 @@
+"""What simpick shows on the terminal: progress bars, and tables that fit into 80 columns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TypeVar
+
+from rich.box import SIMPLE
+from rich.console import Console as Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table as Table
+
+_Item = TypeVar("_Item")
+
+
+def narrow_table(
+    *columns: str, title: str | None = None, rows: Iterable[Sequence[str]] = (), labels: int = 1, padding: int = 1
+) -> Table:
+    """Return a table of labels, aligned to the left, and figures, aligned to the right.
+
+    The first `labels` columns hold labels. `padding` is the space after each column, in characters.
+    """
+    table = Table(box=SIMPLE, pad_edge=False, padding=(0, padding, 0, 0), title=title)
+    for k, column in enumerate(columns):
+        table.add_column(column, justify="left" if k < labels else "right")
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def progress_bar(console: Console | None = None, *, keep: bool = False) -> Progress:
+    """Return a progress display: description, bar, count, elapsed and remaining time; it disappears unless kept."""
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        transient=not keep,
+    )
+
+
+def track(
+    items: Iterable[_Item], description: str, *, total: int | None = None, console: Console | None = None
+) -> Iterator[_Item]:
+    """Yield the items while a progress bar counts those that were consumed."""
+    with progress_bar(console) as bar:
+        task = bar.add_task(description, total=total)
+        for item in items:
+            yield item
+            bar.advance(task)
