@@ -93,7 +93,7 @@ def test_more_bins_and_modes_go_on(whole: Path, tmp_path: Path, capsys) -> None:
     results = read_results(folder / "results.jsonl")
     assert len(results) == 4 and results[0].timings_s == stamp
     printed = capsys.readouterr().out
-    assert "oracle_noise" in printed and "failed looks of the same bins, by cause" in printed
+    assert "oracle_noise" in printed and "failed picks in the same bins, by cause" in printed
 
 
 def test_wrong_modes_are_told_all_at_once(tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -31,7 +31,7 @@ def test_ranges_hold_their_lower_edge() -> None:
     assert translation == {"1-2": (1, 1), "2-5": (1, 1), "5-10": (0, 1), "over 40": (0, 1)}
 
 
-def test_good_poses_are_told_from_the_others() -> None:
+def test_good_poses_are_counted_apart_from_the_others() -> None:
     good, off = success_by_pose(PICKS)
     assert (good.successes, good.attempts, off.successes, off.attempts) == (1, 2, 1, 2)
     assert good.label == "pose within 10 deg and 5 mm" and good.share == 0.5

@@ -1,6 +1,6 @@
-"""How forgiving grasping is: the share of grasps that delivered a part, by the error of the pose they were made by.
+"""Tolerance of grasping to pose error: the share of grasps that delivered a part, by the error of their pose.
 
-A mode whose grasps fail with good poses fails by something else than its poses.
+A mode whose grasps fail with good poses is limited by something other than its poses.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ ERROR_EDGES: dict[ErrorKey, tuple[float, ...]] = {
 
 @dataclass(frozen=True)
 class SuccessShare:
-    """Grasps whose pose errors lay in one range."""
+    """Grasps whose pose errors lie in one range."""
 
     label: str
     """The range, in the error's unit."""
@@ -61,7 +61,7 @@ def success_by_pose(picks: Sequence[PickRecord]) -> tuple[SuccessShare, SuccessS
             is_good = error.rotation_deg <= TOLERATED_DEG and error.translation_mm <= TOLERATED_MM
             (good if is_good else off).append(pick)
     limits = f"{TOLERATED_DEG:g} deg and {TOLERATED_MM:g} mm"
-    return _share(f"pose within {limits}", good), _share("pose further off", off)
+    return _share(f"pose within {limits}", good), _share("larger pose error", off)
 
 
 def _share(label: str, picks: Sequence[PickRecord]) -> SuccessShare:

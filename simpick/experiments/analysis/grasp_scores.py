@@ -12,20 +12,20 @@ from simpick.experiments.result_store import EpisodeResult
 from simpick.records import PickOutcome, PickRecord
 
 PERCEPTION_STAGES = ("render", "detect", "estimate", "plan", "look")
-"""Wall-clock stages that a robot would wait for, charged in MPPH beside the motion."""
+"""Wall-clock stages that a robot would wait for; MPPH counts them beside the motion."""
 ABSTENTIONS = (PickOutcome.NOTHING_DETECTED, PickOutcome.NO_GRASP)
-"""Outcomes of a look at the bin after which the arm stayed at home."""
+"""Outcomes of picks in which the arm stayed at home."""
 
 
 @dataclass(frozen=True)
 class GraspScores:
-    """What a set of episodes amounts to. Faulted episodes are counted in `outcomes` and nowhere else."""
+    """Figures of a set of episodes. Those with a fault of the physics count in `outcomes` and nowhere else."""
 
     episodes: int
     attempts: int
-    """Grasps that the arm was sent to carry out."""
+    """Grasps that the arm was sent to execute."""
     abstentions: int
-    """Times that nothing was detected or no grasp was left; no attempt, but a failure in a row for the episode."""
+    """Picks in which nothing was detected or no grasp was left; no attempts, but consecutive failures of an episode."""
     grasp_success: float
     """Share of attempts that delivered exactly one part, as VGN counts it."""
     clearance: float
@@ -37,11 +37,11 @@ class GraspScores:
     mpph: float
     """Mean picks per hour: 3600 x successes / (motion time + perception time)."""
     motion_s: float
-    """Mean simulated time of an attempt."""
+    """Mean simulated time per attempt."""
     perception_s: float
-    """Mean wall-clock time of rendering, detecting, estimating, planning and looking closer, for each pick."""
+    """Mean wall-clock time of rendering, detecting, estimating, planning and looking closer, per pick."""
     outcomes: dict[str, int]
-    """How many looks at the bin ended in each outcome, most frequent first."""
+    """Number of picks per outcome, most frequent first."""
     rotation_deg: float
     """Median rotation error of the estimates that were picked; NaN without any."""
     translation_mm: float
@@ -52,26 +52,26 @@ def score_grasps(results: Iterable[EpisodeResult]) -> GraspScores:
     """Return the scores of these episodes, pooled over attempts."""
     results = list(results)
     sound = [r for r in results if r.ended != PickOutcome.SIMULATION_FAULT]
-    looks = [pick for r in sound for pick in r.picks]
-    picks = [pick for pick in looks if pick.outcome not in ABSTENTIONS]
-    successes = sum(pick.outcome is PickOutcome.SUCCESS for pick in picks)
-    motion_s = sum(pick.motion_s for pick in picks)
-    perception_s = sum(perception_time_s(pick) for pick in looks)
+    picks = [pick for r in sound for pick in r.picks]
+    attempts = [pick for pick in picks if pick.outcome not in ABSTENTIONS]
+    successes = sum(pick.outcome is PickOutcome.SUCCESS for pick in attempts)
+    motion_s = sum(pick.motion_s for pick in attempts)
+    perception_s = sum(perception_time_s(pick) for pick in picks)
     parts = sum(len(r.instances) for r in sound)
-    errors = [pick.pose_error for pick in picks if pick.pose_error is not None]
+    errors = [pick.pose_error for pick in attempts if pick.pose_error is not None]
     first_tries = [success for r in sound for success in first_try_successes(r)]
     outcomes = Counter(pick.outcome.value for r in results for pick in r.picks)
     return GraspScores(
         episodes=len(results),
-        attempts=len(picks),
-        abstentions=len(looks) - len(picks),
-        grasp_success=successes / len(picks) if picks else float("nan"),
+        attempts=len(attempts),
+        abstentions=len(picks) - len(attempts),
+        grasp_success=successes / len(attempts) if attempts else float("nan"),
         clearance=sum(r.delivered for r in sound) / parts if parts else float("nan"),
         cleared_episodes=float(np.mean([r.ended == "cleared" for r in sound])) if sound else float("nan"),
         first_try_success=float(np.mean(first_tries)) if first_tries else float("nan"),
-        mpph=3600 * successes / (motion_s + perception_s) if picks else float("nan"),
-        motion_s=motion_s / len(picks) if picks else float("nan"),
-        perception_s=perception_s / len(looks) if looks else float("nan"),
+        mpph=3600 * successes / (motion_s + perception_s) if attempts else float("nan"),
+        motion_s=motion_s / len(attempts) if attempts else float("nan"),
+        perception_s=perception_s / len(picks) if picks else float("nan"),
         outcomes=dict(sorted(outcomes.items(), key=lambda item: (-item[1], item[0]))),
         rotation_deg=float(np.median([e.rotation_deg for e in errors])) if errors else float("nan"),
         translation_mm=float(np.median([e.translation_mm for e in errors])) if errors else float("nan"),

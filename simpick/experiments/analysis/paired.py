@@ -1,7 +1,9 @@
 """Paired comparison: every mode's figures over the same bins, their differences, and bootstrap intervals of both.
 
-The bin is the unit of resampling, because attempts in one bin hang together. All modes are resampled with the same
-draws of bins, so that a difference is taken within each resample: what makes a bin hard cancels.
+The bin is the unit of resampling, because attempts in one bin depend on each other. All modes are resampled with the
+same draws of bins, so that a difference is taken within each resample: what makes a bin hard cancels. The resampling is
+written here rather than with `scipy.stats.bootstrap`, whose draws differ: one draw of bins serves all measures, and the
+intervals published so far stay as they are.
 
 Source: Efron and Tibshirani, An Introduction to the Bootstrap (1993), percentile intervals.
 """
@@ -52,9 +54,9 @@ MEASURES: tuple[Measure, ...] = (
     Measure("collisions", "collisions", "%", False, 100),
     Measure("double_picks", "double picks", "%", False, 100),
     Measure("motion_s", "motion per attempt", "s", False),
-    Measure("perception_s", "perception per look", "s", False),
+    Measure("perception_s", "perception per pick", "s", False),
 )
-"""What is told of each mode. Errors are medians over attempts, at the moment of the pick."""
+"""The figures of each mode. Errors are medians over attempts, at the moment of the pick."""
 
 MEDIANS = ("rotation_deg", "translation_mm", "depth_mm")
 
@@ -70,17 +72,17 @@ class Difference:
 
 @dataclass(frozen=True)
 class PairedStatistics:
-    """What a comparison amounts to."""
+    """The figures of a comparison."""
 
     modes: tuple[str, ...]
     bins: tuple[int, ...]
     """Episodes that every mode finished without a fault of the physics: all figures are over these."""
     left_out: tuple[int, ...]
-    """Episodes that some mode has not finished, or that the physics spoilt."""
+    """Episodes that some mode has not finished, or in which the physics diverged."""
     measures: dict[str, dict[str, Interval]]
     """By mode and `Measure.key`."""
     differences: tuple[Difference, ...]
-    """Each mode against the first, then each against the one before it."""
+    """Each mode minus the first, then each minus its predecessor."""
 
 
 def paired_bins(results: Iterable[EpisodeResult], modes: Sequence[str]) -> dict[str, list[EpisodeResult]]:
@@ -121,7 +123,7 @@ def compare_modes(
 
 
 def best_mode(statistics: PairedStatistics, candidates: Sequence[str]) -> str:
-    """Return the mode with the highest product of grasp success and clearance; picks an hour decide a tie.
+    """Return the mode with the highest product of grasp success and clearance; picks per hour decide a tie.
 
     Grasp success alone would favour a mode that picks the easiest parts and gives up; unknown figures count as zero.
     """
@@ -156,7 +158,7 @@ def _replicates(
         "collisions": ("collisions", "attempts"),
         "double_picks": ("double_picks", "attempts"),
         "motion_s": ("motion_s", "attempts"),
-        "perception_s": ("perception_s", "looks"),
+        "perception_s": ("perception_s", "picks"),
     }
     errors, bin_of = _errors(results)
     replicates = {}
@@ -171,14 +173,14 @@ def _replicates(
 
 
 def _sums(result: EpisodeResult) -> Mapping[str, float]:
-    """Return what one bin adds to numerators and denominators, as `score_grasps` counts it."""
+    """Return what one bin contributes to numerators and denominators, counted as in `score_grasps`."""
     attempts = executed(result)
     first = first_try_successes(result)
     motion_s = sum(pick.motion_s for pick in attempts)
     perception_s = sum(perception_time_s(pick) for pick in result.picks)
     return {
         "attempts": len(attempts),
-        "looks": len(result.picks),
+        "picks": len(result.picks),
         "successes": sum(pick.outcome is PickOutcome.SUCCESS for pick in attempts),
         "first_tries": len(first),
         "first_try_successes": sum(first),

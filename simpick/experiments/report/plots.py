@@ -1,4 +1,4 @@
-"""A comparison's plots as SVG: one colour for each mode, which colour-blind readers can tell apart."""
+"""A comparison's plots as SVG: one colour per mode, which colour-blind readers can distinguish."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _STYLE: dict[Any, Any] = {
 
 
 def mode_colours(modes: Sequence[str]) -> dict[str, str]:
-    """Return a colour for each mode; ``NAME@K`` and ``NAME+closer`` get tints of the colour of ``NAME``."""
+    """Return a colour per mode; ``NAME@K`` and ``NAME+closer`` get tints of the colour of ``NAME``."""
     hues: dict[str, str] = dict(ORACLE_COLOURS)
     colours: dict[str, str] = {}
     shades: Counter[str] = Counter()
@@ -81,7 +81,7 @@ def success_plot(comparison: Comparison) -> str:
 
 
 def time_plot(comparison: Comparison) -> str:
-    """Draw the robot time that each delivered part took, motion and perception's stages stacked."""
+    """Draw the robot time per delivered part, motion and perception's stages stacked."""
     statistics, paired = comparison.statistics(), comparison.paired()
 
     def draw(figure: Figure) -> None:
@@ -92,15 +92,15 @@ def time_plot(comparison: Comparison) -> str:
             if not successes:
                 axis.text(0, row, " nothing was delivered", va="center")
                 continue
-            moves = [p.motion_s for result in paired[mode] for p in executed(result)]
-            spent = [sum(moves), *(sum(p.timings_s.get(s, 0.0) for p in picks) for s in PERCEPTION_STAGES)]
+            motion_s = sum(p.motion_s for result in paired[mode] for p in executed(result))
+            spent = [motion_s, *(sum(p.timings_s.get(s, 0.0) for p in picks) for s in PERCEPTION_STAGES)]
             left = 0.0
             for seconds, colour in zip(spent, STAGE_COLOURS, strict=True):
                 axis.barh(row, seconds / successes, left=left, color=colour, height=0.62)
                 left += seconds / successes
-            axis.text(left, row, f"  {statistics.measures[mode]['mpph'].value:.0f} an hour", va="center", fontsize=9)
+            axis.text(left, row, f"  {statistics.measures[mode]['mpph'].value:.0f} per hour", va="center", fontsize=9)
         axis.set_yticks(range(len(comparison.modes)), comparison.modes)
-        axis.set(xlabel="seconds for each delivered part", ylim=(len(comparison.modes) - 0.5, -0.5))
+        axis.set(xlabel="seconds per delivered part", ylim=(len(comparison.modes) - 0.5, -0.5))
         axis.margins(x=0.16)
         _legend(figure, STAGE_COLOURS, ("motion", *PERCEPTION_STAGES))
 
@@ -136,8 +136,8 @@ def errors_plot(comparison: Comparison) -> str:
     return _svg("errors", draw, (9, 3.4))
 
 
-def forgiveness_plot(comparison: Comparison) -> str:
-    """Draw for each mode the share of grasps that delivered a part against the error of the pose behind them."""
+def error_tolerance_plot(comparison: Comparison) -> str:
+    """Draw the share of grasps that delivered a part against the error of the pose behind them, per mode."""
     picks = {mode: [p for r in results for p in executed(r)] for mode, results in comparison.paired().items()}
     everyone = [pick for own in picks.values() for pick in own]
     colours = mode_colours(comparison.modes)
@@ -161,25 +161,25 @@ def forgiveness_plot(comparison: Comparison) -> str:
             axis.set_xlabel(key.replace("_", " error [") + "]")
         figure.supylabel("P(success | error)", fontsize=10)
 
-    return _svg("forgiveness", draw, (9, 0.8 + 1.35 * len(comparison.modes)))
+    return _svg("error_tolerance", draw, (9, 0.8 + 1.35 * len(comparison.modes)))
 
 
 def causes_plot(comparison: Comparison) -> str:
-    """Draw what failures are blamed on, for each 100 looks."""
+    """Draw the causes of failure per 100 picks."""
     paired, failures = comparison.paired(), comparison.failures()
 
     def draw(figure: Figure) -> None:
         axis = figure.subplots()
         for row, mode in enumerate(comparison.modes):
-            looks = sum(len(result.picks) for result in paired[mode])
+            picks = sum(len(result.picks) for result in paired[mode])
             left = 0.0
             for count, colour in zip(count_causes(failures[mode]).values(), CAUSE_COLOURS, strict=True):
-                width = 100 * count / max(looks, 1)
+                width = 100 * count / max(picks, 1)
                 axis.barh(row, width, left=left, color=colour, height=0.62)
                 left += width
             axis.text(left, row, f"  {left:.0f}", va="center", fontsize=9)
         axis.set_yticks(range(len(comparison.modes)), comparison.modes)
-        axis.set(xlabel="failed looks for each 100", ylim=(len(comparison.modes) - 0.5, -0.5))
+        axis.set(xlabel="failed picks per 100", ylim=(len(comparison.modes) - 0.5, -0.5))
         axis.margins(x=0.08)
         axis.set_xlim(left=0)
         _legend(figure, CAUSE_COLOURS, [cause.value for cause in FailureCause])
@@ -191,7 +191,7 @@ PLOTS: dict[str, Callable[[Comparison], str]] = {
     "success": success_plot,
     "time": time_plot,
     "errors": errors_plot,
-    "forgiveness": forgiveness_plot,
+    "error_tolerance": error_tolerance_plot,
     "causes": causes_plot,
 }
 
@@ -204,7 +204,7 @@ def _legend(figure: Figure, colours: Sequence[str], labels: Sequence[str]) -> No
 
 
 def _svg(name: str, draw: Callable[[Figure], None], size: tuple[float, float]) -> str:
-    """Return a drawing as SVG, the same for the same data; `name` keeps its ids apart from other drawings'."""
+    """Return a drawing as SVG, the same for the same data; `name` makes its ids differ from those of other drawings."""
     with rc_context({**_STYLE, "svg.hashsalt": name}):
         figure = Figure(figsize=size, layout="constrained")
         FigureCanvasSVG(figure)

@@ -13,7 +13,7 @@ from simpick.experiments.analysis.paired import MEASURES, Measure, PairedStatist
 from simpick.metrics.intervals import Interval
 
 DIFFERENCES = ("grasp_success", "first_try", "clearance", "mpph", "rotation_deg", "translation_mm")
-"""Measures whose differences are told."""
+"""Measures whose differences are shown."""
 TABLE_MEASURES = 3
 """Columns of a table: as many as fit beside the longest names of modes in 80 columns."""
 
@@ -40,13 +40,13 @@ def heading(measure: Measure) -> str:
 
 
 def modes_tables(statistics: PairedStatistics) -> list[Table]:
-    """Return the figures: a row for each mode, a column for each measure."""
+    """Return the figures: a row per mode, a column per measure."""
     title = f"{len(statistics.bins)} paired bins, 95 % intervals"
     return _tables(title, "mode", [(mode, statistics.measures[mode]) for mode in statistics.modes], MEASURES)
 
 
 def differences_tables(statistics: PairedStatistics) -> list[Table]:
-    """Return the paired differences: a row for each pair of modes, a column for each measure; * excludes zero."""
+    """Return the paired differences: a row per pair of modes, a column per measure; * excludes zero."""
     rows = [(f"{d.mode}\n- {d.against}", d.measures) for d in statistics.differences]
     shown = [measure for measure in MEASURES if measure.key in DIFFERENCES]
     title = "differences over the same bins; * where the 95 % interval excludes zero"
@@ -54,9 +54,9 @@ def differences_tables(statistics: PairedStatistics) -> list[Table]:
 
 
 def causes_table(failures: Mapping[str, Sequence[Failure]]) -> Table:
-    """Return what each mode's failures are blamed on: a row for each mode, a column for each cause."""
+    """Return the causes of each mode's failures: a row per mode, a column per cause."""
     # No padding and broken headings, so that the longest name, ``retrieval_refined@50+closer``, fits into 80 columns.
-    table = Table(box=SIMPLE, padding=0, pad_edge=False, title="failed looks of the same bins, by cause")
+    table = Table(box=SIMPLE, padding=0, pad_edge=False, title="failed picks in the same bins, by cause")
     table.add_column("mode", overflow="fold")
     for title in cause_headings():
         table.add_column(title.replace(" ", "\n"), justify="right", no_wrap=True)
@@ -71,7 +71,7 @@ def cause_headings() -> list[str]:
 
 
 def cause_cells(failures: Sequence[Failure]) -> list[str]:
-    """Return how many failures each cause is blamed for, and how many they are in all."""
+    """Return how many failures are attributed to each cause, and how many there are in total."""
     return [*map(str, count_causes(failures).values()), str(len(failures))]
 
 
