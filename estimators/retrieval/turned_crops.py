@@ -12,7 +12,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from simpick.estimators.retrieval.descriptors import CROP_PX, luminance
-from simpick.geometry import aim_virtual_cameras, so3_exp, transform, turned_boxes
+from simpick.geometry import aim_virtual_cameras, rotated_boxes, so3_exp, transform
 from simpick.rendering import TemplateSet
 
 PADDING = 1.1
@@ -33,7 +33,7 @@ class TurnedCrops:
 def aim_turned_crops(templates: TemplateSet, turns: int) -> TurnedCrops:
     """Return a virtual camera for each view and turn, aimed at the middle of the turned silhouette's box."""
     angles = 2 * np.pi * np.arange(turns) / turns
-    boxes = turned_boxes(templates.masks, np.tile(angles, (len(templates), 1))).reshape(-1, 4)
+    boxes = rotated_boxes(templates.masks, np.tile(angles, (len(templates), 1))).reshape(-1, 4)
     cameras = aim_virtual_cameras(templates.camera, boxes, CROP_PX, padding=PADDING)
     Rs_turned_view = np.tile(so3_exp(angles[:, None] * np.array([0.0, 0.0, 1.0])), (len(templates), 1, 1))
     Rs_crop_view = cameras.Rs_crop_camera @ Rs_turned_view

@@ -1,11 +1,9 @@
-from .crops import Crop as Crop
 from .crops import CropBatch as CropBatch
 from .crops import VirtualCameras as VirtualCameras
 from .crops import aim_virtual_cameras as aim_virtual_cameras
-from .crops import crop_image as crop_image
 from .crops import crop_images as crop_images
 from .image_boxes import box_of_mask as box_of_mask
-from .image_boxes import turned_boxes as turned_boxes
+from .image_boxes import rotated_boxes as rotated_boxes
 from .mesh_sampling import farthest_points as farthest_points
 from .mesh_sampling import sample_surface as sample_surface
 from .pinhole import Pinhole as Pinhole
@@ -20,8 +18,6 @@ from .transforms import random_rotation as random_rotation
 from .transforms import rotation_angle as rotation_angle
 from .transforms import rotation_from_6d as rotation_from_6d
 from .transforms import rotation_to_6d as rotation_to_6d
-from .transforms import se3_exp as se3_exp
-from .transforms import se3_log as se3_log
 from .transforms import skew as skew
 from .transforms import so3_exp as so3_exp
 from .transforms import so3_log as so3_log

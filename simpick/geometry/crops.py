@@ -1,8 +1,8 @@
-"""Crops as virtual cameras: turned so that the axis passes through a box's centre, zoomed so that the box fills it.
+"""Crops as virtual cameras: rotated so that the axis passes through a box's centre, zoomed so that the box fills it.
 
-A crop made this way is a pinhole image of its own, not a cut-out: perspective is removed exactly by the homography
-``K_crop R_crop_camera K^-1``, poses in the crop's frame become allocentric, and the source's intrinsics disappear.
-The camera's centre stays, so only a rotation lies between the frames: ``T_crop_part = T_crop_camera @ T_camera_part``.
+A crop made this way is a pinhole image of its own, not a cut-out: the homography ``K_crop R_crop_camera K^-1`` removes
+perspective exactly, poses in the crop's frame become allocentric, and the source's intrinsics disappear. The camera's
+centre does not move, so the frames differ by a rotation only: ``T_crop_part = T_crop_camera @ T_camera_part``.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ class VirtualCameras:
     size_px: int
     """Width and height of every crop."""
     focal_px: Float[np.ndarray, "n"]
-    """Focal length of each, along both image axes."""
+    """Focal length of each camera, along both image axes."""
     Rs_crop_camera: Float[np.ndarray, "n 3 3"]
-    """Turn directions of the source camera's frame into each crop's."""
+    """Map directions from the source camera's frame to each crop's frame."""
 
     def __len__(self) -> int:
         return len(self.focal_px)
 
     @property
     def Ks(self) -> Float[np.ndarray, "n 3 3"]:
-        """Return the intrinsics of all."""
+        """Return the intrinsics of all cameras."""
         K = np.zeros((len(self), 3, 3))
         K[:, 0, 0] = K[:, 1, 1] = self.focal_px
         K[:, :2, 2] = self.size_px / 2
@@ -52,7 +52,7 @@ class VirtualCameras:
         return Pinhole(self.size_px, self.size_px, f, f, self.size_px / 2, self.size_px / 2)
 
     def homographies(self, camera: Pinhole) -> Float[np.ndarray, "n 3 3"]:
-        """Return the maps of homogeneous source pixels to crop pixels, both with centres at integer + 0.5."""
+        """Return the homographies from source pixels to crop pixels, both with centres at integer + 0.5."""
         return self.Ks @ self.Rs_crop_camera @ np.linalg.inv(camera.K)
 
 
@@ -68,16 +68,6 @@ class CropBatch:
         return len(self.rgb)
 
 
-@dataclass(frozen=True, eq=False)
-class Crop:
-    """One crop with its camera."""
-
-    rgb: UInt8[np.ndarray, "size size 3"]
-    mask: Bool[np.ndarray, "size size"] | None
-    camera: Pinhole
-    R_crop_camera: Float[np.ndarray, "3 3"]
-
-
 def aim_virtual_cameras(
     camera: Pinhole, boxes_xyxy_px: Float[np.ndarray, "n 4"], size_px: int, *, padding: float = 1.2
 ) -> VirtualCameras:
@@ -87,7 +77,7 @@ def aim_virtual_cameras(
     the box, about its centre) lies inside the crop: its outermost corner touches the crop's border.
 
     Raises:
-        ConfigError: a box is not finite, has no area, lies wholly outside the image, or spans too wide an angle.
+        ConfigError: a box is not finite, has no area, lies entirely outside the image, or spans too wide an angle.
     """
     if size_px < 1 or not padding > 0:
         raise ConfigError(f"crop size and padding must be positive, got size_px={size_px}, padding={padding}")
@@ -119,11 +109,11 @@ def crop_images(
 ) -> CropBatch:
     """Return a virtual-camera crop of each box, black and unmasked where the source image ends.
 
-    Where a crop has fewer pixels than its box, it is averaged down, never decimated.
+    Where a crop has fewer pixels than its box, the image is averaged, not subsampled.
 
     Raises:
-        ConfigError: as `aim_virtual_cameras`; image or masks differ in size from the camera, or masks in number
-            from the boxes.
+        ConfigError: as `aim_virtual_cameras`; image or masks differ in size from the camera, or there are not as many
+            masks as boxes.
     """
     for name, image in [("image", rgb), *(("mask", m) for m in masks or [])]:
         if image.shape[:2] != (camera.height, camera.width):
@@ -144,29 +134,13 @@ def crop_images(
     return CropBatch(out, np.array(warped, bool).reshape(-1, size_px, size_px), cameras)
 
 
-def crop_image(
-    rgb: UInt8[np.ndarray, "height width 3"],
-    camera: Pinhole,
-    box_xyxy_px: Float[np.ndarray, "4"],
-    size_px: int,
-    *,
-    mask: Bool[np.ndarray, "height width"] | None = None,
-    padding: float = 1.2,
-) -> Crop:
-    """Return the virtual-camera crop of one box; see `crop_images`."""
-    masks = None if mask is None else [mask]
-    batch = crop_images(rgb, camera, np.asarray(box_xyxy_px, float)[None], size_px, masks=masks, padding=padding)
-    mask = None if batch.masks is None else batch.masks[0]
-    return Crop(batch.rgb[0], mask, batch.cameras.pinhole(0), batch.cameras.Rs_crop_camera[0])
-
-
 def warp(
     image: UInt8[np.ndarray, "height width *channels"], homography: Float[np.ndarray, "3 3"], size_px: int
 ) -> UInt8[np.ndarray, "size size *channels"]:
-    """Return the square image that `homography` makes, both images with pixel centres at integer + 0.5."""
-    import cv2  # Loaded here, so that geometry without images stays light.
+    """Return the square image warped by `homography`; both images have pixel centres at integer + 0.5."""
+    import cv2  # Imported here, so that geometry without images stays light.
 
-    # How many source pixels one crop pixel covers at the crop's centre: that many samples a side are averaged.
+    # Source pixels per crop pixel at the crop's centre: that many samples per side are averaged.
     centre = np.array([size_px / 2, size_px / 2, 1.0])
     samples = int(np.clip(np.ceil(_magnification(np.linalg.inv(homography), centre) - 0.25), 1, 16))
     # OpenCV puts pixel centres at integers.
@@ -180,21 +154,21 @@ def warp(
 
 
 def _magnification(H: Float[np.ndarray, "3 3"], pixel: Float[np.ndarray, "3"]) -> float:
-    """Return the square root of the area that a small unit square about this homogeneous pixel is mapped to."""
+    """Return the local scale of a homography at a homogeneous pixel: the square root of its area magnification."""
     w = H[2] @ pixel
     jacobian = (H[:2, :2] - np.outer(H[:2] @ pixel / w, H[2, :2])) / w
     return float(np.sqrt(abs(np.linalg.det(jacobian))))
 
 
 def _shortest_rotation_from_z(directions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
-    """Return the rotations without roll that turn +z into these unit vectors, which point forward (z > 0)."""
+    """Return the rotations without roll that map +z to these unit vectors, which point forward (z > 0)."""
     v = np.stack([-directions[:, 1], directions[:, 0], np.zeros(len(directions))], axis=-1)
     V = skew(v)
     return np.eye(3) + V + V @ V / (1 + directions[:, 2, None, None])
 
 
 def _check_boxes(boxes: Float[np.ndarray, "n 4"], camera: Pinhole) -> None:
-    """Raise ConfigError for the first box that cannot be cropped."""
+    """Raise `ConfigError` for the first box that cannot be cropped."""
     finite = np.isfinite(boxes).all(-1)
     degenerate = ~(boxes[:, 2:] > boxes[:, :2]).all(-1)
     outside = (boxes[:, :2] >= [camera.width, camera.height]).any(-1) | (boxes[:, 2:] <= 0).any(-1)
@@ -205,4 +179,4 @@ def _check_boxes(boxes: Float[np.ndarray, "n 4"], camera: Pinhole) -> None:
     ]:
         if problem.any():
             i = int(np.argmax(problem))
-            raise ConfigError(f"box {i} {text}, got {boxes[i].tolist()}; drop this detection or mend its box")
+            raise ConfigError(f"box {i} {text}, got {boxes[i].tolist()}; drop this detection or fix its box")

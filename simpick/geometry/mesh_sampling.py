@@ -1,4 +1,4 @@
-"""Points on a triangle mesh: by area, and spread far apart."""
+"""Points on a triangle mesh: uniform over its area, and farthest-point sampling."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def sample_surface(
     total = double_area.sum()
     if not (np.isfinite(total) and total > 0):
         raise MeshError("surface points need a mesh with finite vertices and a face that has an area; repair the mesh")
-    # Searching the cumulated area draws no face without area, unlike a rounded probability vector might.
+    # Searching the cumulative area never draws a face without area, which rounded probabilities might.
     face = np.searchsorted(np.cumsum(double_area), rng.random(count) * total, side="right")
     face = np.minimum(face, np.flatnonzero(double_area)[-1])
     # The square root makes the distribution uniform inside each triangle.
@@ -37,7 +37,7 @@ def sample_surface(
 def farthest_points(points: Float[np.ndarray, "n 3"], count: int) -> Int[np.ndarray, "count"]:
     """Return indices of `count` points, each the farthest from all before it; the first is farthest from the mean.
 
-    Deterministic: of equals, the first in the list is taken.
+    Deterministic: ties go to the first point in the list.
 
     Raises:
         ConfigError: `count` is not between 1 and the number of points.

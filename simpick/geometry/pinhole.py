@@ -1,4 +1,4 @@
-"""The pinhole camera, and the one function that flips between MuJoCo's and OpenCV's camera axes."""
+"""The pinhole camera, and the only function that converts between MuJoCo's and OpenCV's camera axes."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ class Pinhole(Config):
 
     @staticmethod
     def from_K(width: int, height: int, K: Float[np.ndarray, "3 3"]) -> Pinhole:
-        """Return the camera of this matrix, pixel centres at integer + 0.5; the matrix must be without skew."""
+        """Return the camera of this matrix, without skew and with pixel centres at integer + 0.5."""
         if not np.allclose([K[0, 1], K[1, 0], K[2, 0], K[2, 1], K[2, 2] - 1], 0, atol=1e-9):
             raise ConfigError(f"K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], got {K.tolist()}")
         return Pinhole(width, height, float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2]))
 
     def resized(self, width: int, height: int) -> Pinhole:
-        """Return the camera that sees the same field with another number of pixels."""
+        """Return the camera with the same field of view and another image size."""
         x, y = width / self.width, height / self.height
         return Pinhole(width, height, self.fx * x, self.fy * y, self.cx * x, self.cy * y)
 
@@ -73,7 +73,7 @@ class Pinhole(Config):
         return np.concatenate([xy, np.ones_like(xy[..., :1])], axis=-1) * np.asarray(depth_m)[..., None]
 
     def rays(self) -> Float[np.ndarray, "height width 3"]:
-        """Return the directions (x, y, 1) through all pixel centres; times depth, they are points in the camera."""
+        """Return the directions (x, y, 1) through all pixel centres; times depth, they are camera coordinates."""
         x = (np.arange(self.width) + 0.5 - self.cx) / self.fx
         y = (np.arange(self.height) + 0.5 - self.cy) / self.fy
         xx, yy = np.meshgrid(x, y)

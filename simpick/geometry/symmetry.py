@@ -1,4 +1,4 @@
-"""Symmetry groups of parts: which poses cannot be told apart, discretely and about continuous axes."""
+"""Symmetry groups of parts: discrete and continuous rigid motions that map a part onto itself."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class ContinuousSymmetry:
     """Any rotation about `axis` through `offset_m` (both in the part frame) maps the part onto itself."""
 
     axis: tuple[float, float, float]
-    """Direction; brought to unit length."""
+    """Direction; normalized to unit length."""
     offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """A point on the axis."""
 
@@ -29,7 +29,7 @@ class ContinuousSymmetry:
         object.__setattr__(self, "axis", (x, y, z))
 
     def rotation(self, angle_rad: Float[np.ndarray, "*batch"] | float) -> Float[np.ndarray, "*batch 4 4"]:
-        """Return the part's self-maps by these angles."""
+        """Return the transforms that rotate the part by these angles about the axis."""
         R = so3_exp(np.asarray(angle_rad)[..., None] * np.asarray(self.axis))
         offset = np.asarray(self.offset_m)
         return transform(R, offset - R @ offset)
@@ -39,9 +39,9 @@ class ContinuousSymmetry:
 class SymmetryGroup:
     """The rigid motions of the part frame that leave the part unchanged, as BOP's ``models_info`` lists them.
 
-    `discrete` holds every discrete element *besides* the identity; `continuous` the axes of rotation. The group
-    is all products of a continuous rotation with a discrete element (or the identity). Axes in two directions or
-    more make the part a ball: then every rotation about their common point belongs to the group.
+    `discrete` holds every discrete element *except* the identity; `continuous` the axes of rotation. The group
+    consists of all products of a continuous rotation with a discrete element (or the identity). Axes in two or more
+    directions make the part a ball: every rotation about their common point belongs to the group.
     """
 
     discrete: Float[np.ndarray, "n 4 4"] = field(default_factory=lambda: np.zeros((0, 4, 4)))
@@ -58,7 +58,7 @@ class SymmetryGroup:
         if not (np.isfinite(self.discrete).all() and rigid and proper and affine):
             raise ConfigError(
                 "discrete symmetries must be rigid motions (rotation with determinant +1 and a translation in m); "
-                "a mirror image is no symmetry of a solid part"
+                "a mirror image is not a symmetry of a solid part"
             )
 
     @staticmethod
@@ -97,7 +97,7 @@ class SymmetryGroup:
         return np.concatenate([np.eye(4)[None], self.discrete])
 
     def transforms(self, steps: int = 64) -> Float[np.ndarray, "m 4 4"]:
-        """Return the whole group, identity first, with each continuous axis cut into `steps` equal rotations."""
+        """Return the whole group, identity first, with `steps` equal rotations about each continuous axis."""
         if not self.continuous:
             return self.with_identity
         angles = 2 * np.pi * np.arange(steps) / steps
@@ -106,10 +106,10 @@ class SymmetryGroup:
         )
 
     def transforms_by_step(self, max_step: float = 0.01) -> Float[np.ndarray, "m 4 4"]:
-        """Return the whole group, cut so finely that no point moves further than `max_step` from one to the next.
+        """Return the whole group, discretized so that no point moves more than `max_step` between neighbours.
 
-        `max_step` is a fraction of the diameter. As in the BOP toolkit, the farthest point is taken to circle at
-        half the diameter, hence ceil(pi / max_step) rotations: 315 for BOP's 0.01.
+        `max_step` is a fraction of the diameter. As in the BOP toolkit, the farthest point is assumed at half the
+        diameter from the axis, hence ceil(pi / max_step) rotations: 315 for BOP's 0.01.
         """
         if not 0 < max_step <= 1:
             raise ConfigError(f"max_step must be a fraction of the diameter in (0, 1], got {max_step}")
@@ -118,9 +118,9 @@ class SymmetryGroup:
     def closest_equivalent(
         self, T_a_part: Float[np.ndarray, "*#batch 4 4"], T_a_reference: Float[np.ndarray, "*#batch 4 4"]
     ) -> Float[np.ndarray, "*batch 4 4"]:
-        """Return ``T_a_part @ S``, S the symmetry for which it is turned least against `T_a_reference`.
+        """Return ``T_a_part @ S``, with the symmetry S that minimizes the rotation to `T_a_reference`.
 
-        Exact also about continuous axes: with M = D R_reference^T R_part and the axis n, the trace of M exp(t n) is
+        Exact for continuous axes too: with M = D R_reference^T R_part and the axis n, the trace of M exp(t n) is
         cos t (tr M - n M n) + sin t tr(M [n]x) + n M n, largest at t = atan2(tr(M [n]x), tr M - n M n).
         """
         batch = np.broadcast_shapes(T_a_part.shape[:-2], T_a_reference.shape[:-2])
@@ -131,13 +131,13 @@ class SymmetryGroup:
     def rotation_distance(
         self, R_a_part: Float[np.ndarray, "*#batch 3 3"], R_a_reference: Float[np.ndarray, "*#batch 3 3"]
     ) -> Float[np.ndarray, "*batch"]:
-        """Return the angle in radians between two orientations, over the part's symmetries."""
+        """Return the smallest angle in radians between two orientations over the part's symmetries."""
         R_part_reference = np.swapaxes(R_a_part, -1, -2) @ R_a_reference
         S = self.closest_symmetry(R_part_reference)[..., :3, :3]
         return rotation_angle(np.swapaxes(S, -1, -2) @ R_part_reference)
 
     def closest_symmetry(self, R: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch 4 4"]:
-        """Return the group's element whose rotation is closest to R; the first of equals, identity before all."""
+        """Return the element of the group whose rotation is closest to R; ties go to the first, the identity."""
         if self.is_ball:
             return transform(R, self._ball_centre - R @ self._ball_centre)
         D = self.with_identity
@@ -154,18 +154,6 @@ class SymmetryGroup:
         angle = np.take_along_axis(np.arctan2(sine, cosine), best, axis=-1)[..., 0]
         return symmetry.rotation(angle) @ D[best[..., 0]]
 
-    def is_closed(self, tolerance_rad: float = 1e-3, tolerance_m: float = 1e-5) -> bool:
-        """Return whether products of elements are elements again, which a list of all symmetries must fulfil.
-
-        Continuous axes are sampled at 7 angles, a number that hides no missing element behind a common divisor.
-        """
-        elements = self.transforms(7)
-        products = (elements[:, None] @ elements[None]).reshape(-1, 4, 4)
-        nearest = self.closest_symmetry(products[:, :3, :3])
-        turned = rotation_angle(np.swapaxes(nearest[:, :3, :3], -1, -2) @ products[:, :3, :3])
-        moved = np.linalg.norm(nearest[:, :3, 3] - products[:, :3, 3], axis=-1)
-        return bool(turned.max() <= tolerance_rad and moved.max() <= tolerance_m)
-
     @cached_property
     def _ball_centre(self) -> Float[np.ndarray, "3"]:
         """Return the point closest to all continuous axes."""
@@ -176,7 +164,7 @@ class SymmetryGroup:
 
 
 def _normal_to(axis: tuple[float, float, float]) -> Float[np.ndarray, "3"]:
-    """Return the coordinate direction made normal to the unit vector `axis`, preferring x, then y."""
+    """Return a unit vector normal to the unit vector `axis`: the projection of x, or else of y or z."""
     a = np.asarray(axis, float)
     for candidate in np.eye(3):
         normal = candidate - a * (a @ candidate)

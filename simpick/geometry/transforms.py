@@ -1,9 +1,16 @@
-"""Rigid transforms in numpy: SO(3) and SE(3), single or batched over leading dimensions, in float64."""
+"""Rigid transforms in numpy: SO(3) and SE(3), single or batched over leading dimensions, in float64.
+
+SciPy's `Rotation` computes what is only measured (`rotation_angle`) and is the test oracle of the other conversions.
+It is up to 7 times as fast, but differs in the last bit, and bins are drawn through these functions: contact dynamics
+amplify one bit to settled poses that differ by up to 7 mm, so that a seed would no longer name the same bin. `invert`
+is 10 times as fast as `RigidTransform.inv` with its conversions.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
 
 def transform(
@@ -30,7 +37,7 @@ def invert(T_a_b: Float[np.ndarray, "*batch 4 4"]) -> Float[np.ndarray, "*batch 
 def transform_points(
     T_a_b: Float[np.ndarray, "*#batch 4 4"], points_b: Float[np.ndarray, "*#batch n 3"]
 ) -> Float[np.ndarray, "*batch n 3"]:
-    """Map points from frame b to frame a; one cloud may meet many transforms, and the other way round."""
+    """Map points from frame b to frame a; batches of transforms and of point clouds broadcast."""
     return points_b @ np.swapaxes(T_a_b[..., :3, :3], -1, -2) + T_a_b[..., None, :3, 3]
 
 
@@ -100,14 +107,14 @@ def rotation_to_6d(R: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*ba
 def rotation_from_6d(columns: Float[np.ndarray, "*batch 6"]) -> Float[np.ndarray, "*batch 3 3"]:
     """Return the rotation whose first two columns are `columns`, made orthonormal (Gram-Schmidt, Zhou et al. 2019).
 
-    Total: a first column of zeros reads as +x; a second that is zero or parallel to the first is replaced by the
-    coordinate axis that the first is least aligned with. So any action of a policy is a rotation.
+    Defined for every input, so that any action of a policy is a rotation: a first column of zeros is replaced by +x, a
+    second that is zero or parallel to the first by the coordinate axis that is least aligned with the first.
     """
     x = _normalized_or(columns[..., :3], np.array([1.0, 0.0, 0.0]))
     y = columns[..., 3:] - (columns[..., 3:] * x).sum(-1, keepdims=True) * x
     axis = np.eye(3)[np.argmin(np.abs(x), axis=-1)]
     y = _normalized_or(y, axis - (axis * x).sum(-1, keepdims=True) * x)
-    # Once more, because a nearly parallel second column loses its digits in the subtraction above.
+    # Repeated, because a nearly parallel second column loses digits in the subtraction above.
     y = _normalized_or(y - (y * x).sum(-1, keepdims=True) * x, y)
     return np.stack([x, y, np.cross(x, y)], axis=-1)
 
@@ -120,43 +127,13 @@ def _normalized_or(
     return vector / np.linalg.norm(vector, axis=-1, keepdims=True)
 
 
-def se3_exp(twist: Float[np.ndarray, "*batch 6"]) -> Float[np.ndarray, "*batch 4 4"]:
-    """Return the motion of a constant twist (linear part in m, then rotation vector in rad) over unit time."""
-    v, w = np.asarray(twist, float)[..., :3], np.asarray(twist, float)[..., 3:]
-    W = skew(w)
-    b, c = _left_jacobian_terms(np.linalg.norm(w, axis=-1)[..., None, None])
-    V = np.eye(3) + b * W + c * (W @ W)
-    return transform(so3_exp(w), (V @ v[..., None])[..., 0])
-
-
-def se3_log(T: Float[np.ndarray, "*batch 4 4"]) -> Float[np.ndarray, "*batch 6"]:
-    """Return the twist (linear part in m, then rotation vector in rad) that reaches T in unit time."""
-    w = so3_log(T[..., :3, :3])
-    W = skew(w)
-    b, c = _left_jacobian_terms(np.linalg.norm(w, axis=-1)[..., None, None])
-    V = np.eye(3) + b * W + c * (W @ W)
-    return np.concatenate([np.linalg.solve(V, T[..., :3, 3:])[..., 0], w], axis=-1)
-
-
-def _left_jacobian_terms(
-    angle: Float[np.ndarray, "*batch 1 1"],
-) -> tuple[Float[np.ndarray, "*batch 1 1"], Float[np.ndarray, "*batch 1 1"]]:
-    """Return (1 - cos a) / a^2 and (a - sin a) / a^3."""
-    b = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
-    small = angle < 0.02
-    safe = np.where(small, 1.0, angle)
-    # Below 0.02 rad the difference cancels digits, and the series is exact to double precision.
-    series = 1 / 6 - angle**2 / 120 + angle**4 / 5040
-    return b, np.where(small, series, (safe - np.sin(safe)) / safe**3)
-
-
 def rotation_angle(R: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch"]:
     """Return the angle of a rotation in radians, in [0, pi], accurate near both ends."""
-    return np.asarray(np.linalg.norm(so3_log(R), axis=-1))
+    return np.asarray(Rotation.from_matrix(R, assume_valid=True).magnitude())
 
 
 def random_rotation(rng: np.random.Generator, shape: tuple[int, ...] = ()) -> Float[np.ndarray, "*batch 3 3"]:
-    """Return uniformly distributed rotations (normalised Gaussian quaternions)."""
+    """Return uniformly distributed rotations (normalized Gaussian quaternions)."""
     return matrix_from_quaternion(rng.normal(size=(*shape, 4)))
 
 

@@ -10,7 +10,7 @@ from simpick.errors import ConfigError, UnknownNameError
 from simpick.estimators import PoseEstimator
 from simpick.estimators.retrieval import RetrievalConfig, RetrievalEstimator, template_index
 from simpick.estimators.retrieval.descriptors import CROP_PX, describe
-from simpick.geometry import Pinhole, box_of_mask, random_rotation, transform, turned_boxes
+from simpick.geometry import Pinhole, box_of_mask, random_rotation, rotated_boxes, transform
 from simpick.records import CameraFrame, Detection
 from simpick.rendering import TemplateConfig, load_templates, render_part_views
 
@@ -151,7 +151,7 @@ def test_descriptors_are_kept_and_made_again_when_damaged(crank, tmp_path, monke
 def test_boxes_of_turned_silhouettes_enclose_the_turned_images(crank):
     templates = load_templates(crank, TemplateConfig(views=42))
     angles = np.radians([0.0, 35.0, 200.0])
-    boxes = turned_boxes(templates.masks, np.tile(angles, (len(templates), 1)))
+    boxes = rotated_boxes(templates.masks, np.tile(angles, (len(templates), 1)))
     for view in (0, 11, 25):
         _, masks, _ = templates.turned(np.full(3, view), angles)
         for mask, box in zip(masks, boxes[view], strict=True):

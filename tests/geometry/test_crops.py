@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from simpick.errors import ConfigError
-from simpick.geometry import Pinhole, aim_virtual_cameras, crop_image, crop_images
+from simpick.geometry import CropBatch, Pinhole, aim_virtual_cameras, crop_images
 
 CAMERA = Pinhole(640, 480, 600.0, 580.0, 310.0, 250.0)
 
@@ -58,24 +58,30 @@ def test_virtual_camera_does_not_roll(box: np.ndarray) -> None:
     assert R[0, 1] == pytest.approx(R[1, 0], abs=1e-12)
 
 
+def crop_one(rgb, camera: Pinhole, box, size_px: int, mask=None, padding: float = 1.2) -> CropBatch:
+    masks = None if mask is None else [mask]
+    return crop_images(rgb, camera, np.array([box]), size_px, masks=masks, padding=padding)
+
+
 def test_crop_shows_what_the_virtual_camera_would_have_seen() -> None:
-    crop = crop_image(smooth_scene(CAMERA, np.eye(3)), CAMERA, np.array([420.0, 60.0, 520.0, 180.0]), 96)
-    seen = smooth_scene(crop.camera, crop.R_crop_camera.T)
-    assert np.abs(crop.rgb.astype(int) - seen).max() <= 3
+    crop = crop_one(smooth_scene(CAMERA, np.eye(3)), CAMERA, [420.0, 60.0, 520.0, 180.0], 96)
+    seen = smooth_scene(crop.cameras.pinhole(0), crop.cameras.Rs_crop_camera[0].T)
+    assert np.abs(crop.rgb[0].astype(int) - seen).max() <= 3
 
 
 def test_crop_of_a_large_box_averages_pixels() -> None:
     checkers = np.repeat((np.indices((480, 640)).sum(0) % 2 * 255).astype(np.uint8)[..., None], 3, axis=-1)
-    crop = crop_image(checkers, CAMERA, np.array([100.0, 20.0, 540.0, 460.0]), 32, padding=1.0)
-    inner = crop.rgb[2:-2, 2:-2]
+    crop = crop_one(checkers, CAMERA, [100.0, 20.0, 540.0, 460.0], 32, padding=1.0)
+    inner = crop.rgb[0, 2:-2, 2:-2]
     assert abs(int(inner.mean()) - 127) < 4
     assert inner.std() < 30
 
 
 def test_downsampled_crop_still_shows_the_virtual_camera() -> None:
     camera = CAMERA.resized(1280, 960)
-    crop = crop_image(smooth_scene(camera, np.eye(3)), camera, np.array([300.0, 200.0, 600.0, 500.0]), 64)
-    assert np.abs(crop.rgb.astype(int) - smooth_scene(crop.camera, crop.R_crop_camera.T)).max() <= 5
+    crop = crop_one(smooth_scene(camera, np.eye(3)), camera, [300.0, 200.0, 600.0, 500.0], 64)
+    seen = smooth_scene(crop.cameras.pinhole(0), crop.cameras.Rs_crop_camera[0].T)
+    assert np.abs(crop.rgb[0].astype(int) - seen).max() <= 5
 
 
 def test_one_pixel_of_the_mask_lands_in_its_own_place() -> None:
@@ -83,36 +89,35 @@ def test_one_pixel_of_the_mask_lands_in_its_own_place() -> None:
     mask = np.zeros((64, 64), bool)
     mask[20, 30] = True
     rgb = np.zeros((64, 64, 3), np.uint8)
-    crop = crop_image(rgb, camera, np.array([16.0, 16.0, 48.0, 48.0]), 128, mask=mask, padding=1.0)
-    assert crop.mask is not None
+    crop = crop_one(rgb, camera, [16.0, 16.0, 48.0, 48.0], 128, mask=mask, padding=1.0)
+    assert crop.masks is not None
     # Every source pixel is four crop pixels wide: the centre at (30.5, 20.5) goes to (4 * 14.5, 4 * 4.5).
-    rows, columns = np.nonzero(crop.mask)
+    rows, columns = np.nonzero(crop.masks[0])
     assert 9 <= len(rows) <= 16
     assert (columns.mean() + 0.5, rows.mean() + 0.5) == pytest.approx((58, 18), abs=0.3)
 
 
 def test_enlarged_crop_shows_the_virtual_camera() -> None:
     camera = CAMERA.resized(160, 120)
-    crop = crop_image(smooth_scene(camera, np.eye(3)), camera, np.array([100.0, 20.0, 120.0, 35.0]), 128)
-    seen = smooth_scene(crop.camera, crop.R_crop_camera.T)
-    assert np.abs(crop.rgb.astype(int) - seen).mean() < 1.5
+    crop = crop_one(smooth_scene(camera, np.eye(3)), camera, [100.0, 20.0, 120.0, 35.0], 128)
+    seen = smooth_scene(crop.cameras.pinhole(0), crop.cameras.Rs_crop_camera[0].T)
+    assert np.abs(crop.rgb[0].astype(int) - seen).mean() < 1.5
 
 
 def test_mask_follows_the_image() -> None:
     image = np.zeros((480, 640, 3), np.uint8)
     cv2.circle(image, (450, 100), 30, (255, 255, 255), -1)
-    crop = crop_image(image, CAMERA, np.array([400.0, 60.0, 500.0, 140.0]), 128, mask=image[..., 0] > 0)
-    assert crop.mask is not None
-    np.testing.assert_array_equal(crop.mask, crop.rgb[..., 0] > 127)
+    crop = crop_one(image, CAMERA, [400.0, 60.0, 500.0, 140.0], 128, mask=image[..., 0] > 0)
+    assert crop.masks is not None
+    np.testing.assert_array_equal(crop.masks[0], crop.rgb[0, ..., 0] > 127)
 
 
 def test_outside_the_source_a_crop_is_black_and_unmasked() -> None:
     white = np.full((480, 640, 3), 255, np.uint8)
-    box = np.array([-60.0, 100.0, 60.0, 220.0])
-    crop = crop_image(white, CAMERA, box, 64, mask=np.ones((480, 640), bool), padding=1.0)
-    assert crop.mask is not None
-    assert not crop.rgb[:, :28].any() and not crop.mask[:, :28].any()
-    assert (crop.rgb[4:-4, 36:] == 255).all() and crop.mask[4:-4, 36:].all()
+    crop = crop_one(white, CAMERA, [-60.0, 100.0, 60.0, 220.0], 64, mask=np.ones((480, 640), bool), padding=1.0)
+    assert crop.masks is not None
+    assert not crop.rgb[0, :, :28].any() and not crop.masks[0, :, :28].any()
+    assert (crop.rgb[0, 4:-4, 36:] == 255).all() and crop.masks[0, 4:-4, 36:].all()
 
 
 def test_batch_equals_single_crops() -> None:
@@ -122,11 +127,12 @@ def test_batch_equals_single_crops() -> None:
     batch = crop_images(image, CAMERA, many, 48, masks=masks)
     assert len(batch) == 2 and batch.masks is not None
     for i in range(2):
-        single = crop_image(image, CAMERA, many[i], 48, mask=masks[i])
-        np.testing.assert_array_equal(batch.rgb[i], single.rgb)
-        np.testing.assert_array_equal(batch.masks[i], single.mask)
-        np.testing.assert_array_equal(batch.cameras.Rs_crop_camera[i], single.R_crop_camera)
-        assert batch.cameras.pinhole(i) == single.camera
+        single = crop_one(image, CAMERA, many[i], 48, mask=masks[i])
+        assert single.masks is not None
+        np.testing.assert_array_equal(batch.rgb[i], single.rgb[0])
+        np.testing.assert_array_equal(batch.masks[i], single.masks[0])
+        np.testing.assert_array_equal(batch.cameras.Rs_crop_camera[i], single.cameras.Rs_crop_camera[0])
+        assert batch.cameras.pinhole(i) == single.cameras.pinhole(0)
 
 
 def test_no_boxes_give_an_empty_batch() -> None:
@@ -158,9 +164,8 @@ def test_a_box_beyond_a_right_angle_is_refused() -> None:
 
 
 def test_an_image_of_another_size_is_refused() -> None:
-    box = np.array([10.0, 10.0, 20.0, 20.0])
     with pytest.raises(ConfigError, match=r"image must be 640 x 480 px like its camera, got 320 x 240"):
-        crop_image(np.zeros((240, 320, 3), np.uint8), CAMERA, box, 64)
+        crop_one(np.zeros((240, 320, 3), np.uint8), CAMERA, [10.0, 10.0, 20.0, 20.0], 64)
 
 
 def test_masks_must_match_boxes() -> None:

@@ -45,9 +45,19 @@ def test_group_lists_its_elements_identity_first(name: str) -> None:
     np.testing.assert_allclose(elements[0], np.eye(4), atol=1e-15)
 
 
+def is_closed(group: SymmetryGroup) -> bool:
+    """Return whether the product of any two elements is an element; 7, a prime, hides no element behind a divisor."""
+    elements = group.transforms(7)
+    products = (elements[:, None] @ elements[None]).reshape(-1, 4, 4)
+    nearest = group.closest_symmetry(products[:, :3, :3])
+    angle = rotation_angle(np.swapaxes(nearest[:, :3, :3], -1, -2) @ products[:, :3, :3])
+    moved = np.linalg.norm(nearest[:, :3, 3] - products[:, :3, 3], axis=-1)
+    return bool(angle.max() <= 1e-3 and moved.max() <= 1e-5)
+
+
 @each_group
 def test_groups_are_closed(group: SymmetryGroup) -> None:
-    assert group.is_closed()
+    assert is_closed(group)
 
 
 @pytest.mark.parametrize(
@@ -59,12 +69,12 @@ def test_groups_are_closed(group: SymmetryGroup) -> None:
     ids=["third turn without its double", "two half turns without their product"],
 )
 def test_incomplete_lists_are_noticed(discrete: np.ndarray) -> None:
-    assert not SymmetryGroup(transform(discrete)).is_closed()
+    assert not is_closed(SymmetryGroup(transform(discrete)))
 
 
 def test_a_flip_that_misses_the_axis_is_noticed() -> None:
     shifted = transform(so3_exp(np.array([np.pi, 0.0, 0.0])), np.array([0.0, 0.01, 0.0]))[None]
-    assert not SymmetryGroup(shifted, (ContinuousSymmetry((0.0, 0.0, 1.0)),)).is_closed()
+    assert not is_closed(SymmetryGroup(shifted, (ContinuousSymmetry((0.0, 0.0, 1.0)),)))
 
 
 def test_bop_step_gives_315_rotations() -> None:
@@ -146,7 +156,7 @@ def test_axes_are_brought_to_unit_length() -> None:
 
 
 def test_a_mirror_image_is_refused() -> None:
-    with pytest.raises(ConfigError, match="a mirror image is no symmetry of a solid part"):
+    with pytest.raises(ConfigError, match="a mirror image is not a symmetry of a solid part"):
         SymmetryGroup(np.diag([-1.0, 1.0, 1.0, 1.0])[None])
 
 

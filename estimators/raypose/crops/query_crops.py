@@ -13,7 +13,7 @@ from simpick.estimators.raypose.crops.virtual_recrops import aim_recrops, sample
 from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.network.pose_maps import ViewPoses
 from simpick.estimators.raypose.network.tokens import QueryInputs
-from simpick.geometry import crop_images, transform, turned_boxes
+from simpick.geometry import crop_images, rotated_boxes, transform
 from simpick.records import CameraFrame
 
 # Turned crops are cut from crops with some room around, as in training.
@@ -66,7 +66,7 @@ def crop_queries(
     crops = crop_images(frame.rgb, frame.camera, boxes_xyxy_px, size, masks=masks, padding=_ROOM)
     assert crops.masks is not None
     angles = np.tile(2 * np.pi * np.arange(turns) / turns, (len(crops), 1))
-    boxes = turned_boxes(crops.masks, angles).reshape(-1, 4)
+    boxes = rotated_boxes(crops.masks, angles).reshape(-1, 4)
     focal_px = np.repeat(crops.cameras.focal_px, turns)
     recrops = aim_recrops(size, focal_px, angles.ravel(), boxes, network.crop_px, padding=network.padding)
     images = torch.cat([_channels_first(crops.rgb), torch.from_numpy(crops.masks)[:, None].float()], dim=1)

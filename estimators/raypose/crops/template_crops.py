@@ -16,7 +16,7 @@ from simpick.estimators.raypose.crops.virtual_recrops import aim_recrops, sample
 from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.network.pose_maps import ViewPoses
 from simpick.estimators.raypose.network.tokens import TemplateInputs
-from simpick.geometry import SymmetryGroup, invert, transform, transform_points, turned_boxes
+from simpick.geometry import SymmetryGroup, invert, rotated_boxes, transform, transform_points
 from simpick.rendering import TemplateSet
 
 
@@ -65,7 +65,7 @@ def crop_templates(
     template's camera would do.
     """
     source, focal = templates.camera.width, np.full(len(views), templates.camera.fx)
-    boxes = turned_boxes(templates.masks[views], angles_rad[:, None])[:, 0]
+    boxes = rotated_boxes(templates.masks[views], angles_rad[:, None])[:, 0]
     centre, size = (boxes[:, :2] + boxes[:, 2:]) / 2, boxes[:, 2:] - boxes[:, :2]
     if shift is not None:
         centre = centre + shift * size.max(axis=1, keepdims=True)

@@ -24,7 +24,7 @@ from simpick.estimators.raypose.crops.virtual_recrops import VirtualRecrops, aim
 from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.network.pose_maps import ViewPoses
 from simpick.estimators.raypose.network.tokens import QueryInputs, TemplateInputs
-from simpick.geometry import invert, so3_exp, transform, turned_boxes
+from simpick.geometry import invert, rotated_boxes, so3_exp, transform
 from simpick.training.data.augmentation import AugmentationConfig, jitter_boxes, perturb_mask
 from simpick.training.data.shard import Shard
 
@@ -114,7 +114,7 @@ def _part_batch(
         angles = rng.uniform(-np.pi, np.pi, len(rows)) * augmentation.turn
     else:
         angles = np.array([_turn_towards(shared, T, rng) for T in shard.Ts_crop_part[rows]])
-    boxes = jitter_boxes(turned_boxes(masks, angles[:, None])[:, 0], augmentation, rng)
+    boxes = jitter_boxes(rotated_boxes(masks, angles[:, None])[:, 0], augmentation, rng)
     recrops = aim_recrops(shard.crop_px, shard.focal_px[rows], angles, boxes, config.crop_px, padding=config.padding)
     Ts = transform(recrops.Rs_crop_source) @ shard.Ts_crop_part[rows]
     sampled, points_m, coverage = _sample(shard, rows, masks, recrops, config)
