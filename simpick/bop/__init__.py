@@ -1,10 +1,10 @@
-"""BOP, the benchmark for 6D object pose: its data sets, results and detections, read and written.
+"""BOP, the benchmark for 6D object pose: reading and writing its data sets, results and detections.
 
-Read: `BopDataset` gives `CameraFrame`, parts, true poses, masks and test targets in simpick's conventions;
-`read_results` and `read_detections` take the files that methods exchange. Write: `BopWriter`, `write_results`,
-`write_detections`. The conversion of units, pixel centres and frames stands in one place, `simpick.bop.conventions`.
+`BopDataset` reads `CameraFrame`, parts, true poses, masks and test targets in simpick's conventions; `read_results`
+and `read_detections` read the files that methods exchange. `BopWriter`, `write_results` and `write_detections` write
+them. Units, pixel centres and frames are converted in `simpick.bop.conventions` only.
 
-Formats after the BOP toolkit (github.com/thodan/bop_toolkit): ``docs/bop_datasets_format.md``,
+Formats follow the BOP toolkit (github.com/thodan/bop_toolkit): ``docs/bop_datasets_format.md``,
 ``bop_toolkit_lib/dataset_params.py``, ``inout.py``, ``pycoco_utils.py`` and ``scripts/calc_gt_info.py``.
 """
 

@@ -1,4 +1,4 @@
-"""Where BOP's conventions meet simpick's: the one place where millimetres and pixel centres are converted.
+"""Conversion between BOP's and simpick's conventions; millimetres and pixel centres are converted only here.
 
 ==============  ==========================================  ==================================================
 what            BOP                                         simpick
@@ -12,7 +12,7 @@ model frame     as in the PLY file                          the part frame, cent
 camera pose     ``w2c``: world to camera                    ``T_world_camera``
 ==============  ==========================================  ==================================================
 
-Both directions stand here as pairs, so that what the writer writes the reader reads back.
+The conversions of both directions stand side by side: what the writer writes, the reader reads back exactly.
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ _MIN_TRANSLATION_MM = 10.0
 def pinhole_from_bop(K: Float[np.ndarray, "3 3"], width: int, height: int, where: str) -> Pinhole:
     """Return the camera of ``cam_K``; `where` names the entry in errors.
 
-    Raises `DatasetError` if the matrix is no pinhole's without skew, or belongs to an image of another size.
+    Raises `DatasetError` if the matrix is not that of a pinhole camera without skew, or if it belongs to an image of
+    another size.
     """
     if not (np.isfinite(K).all() and K[0, 0] > 0 and K[1, 1] > 0 and np.allclose(K[2], [0, 0, 1])):
         raise DatasetError(
@@ -62,7 +63,7 @@ def bop_from_pinhole(camera: Pinhole) -> Float[np.ndarray, "3 3"]:
 def transform_from_bop(
     R: Float[np.ndarray, "3 3"], t_mm: Float[np.ndarray, "3"], where: str
 ) -> Float[np.ndarray, "4 4"]:
-    """Return the transform in metres; `where` names the entry in errors. Raises `DatasetError` for no rotation."""
+    """Return the transform in metres; `where` names the entry in errors. Raises `DatasetError` if R is no rotation."""
     check_rotation(R, where)
     return transform(R, t_mm / MM_PER_M)
 
@@ -73,16 +74,16 @@ def bop_from_transform(T_a_b: Float[np.ndarray, "4 4"]) -> tuple[list[float], li
 
 
 def check_rotation(R: Float[np.ndarray, "3 3"], where: str) -> None:
-    """Raise `DatasetError` unless R is a rotation, to the few digits that some data sets store."""
+    """Raise `DatasetError` unless R is a rotation, to the precision of data sets that store few digits."""
     if not (np.isfinite(R).all() and np.abs(R @ R.T - np.eye(3)).max() < 0.02 and np.linalg.det(R) > 0):
         raise DatasetError(
             f"{where} must be a rotation matrix, row by row, got {np.round(R, 4).ravel().tolist()}; check the order of "
-            "its numbers, and that no scale is mixed in."
+            "its numbers, and that it contains no scale."
         )
 
 
 def check_object_distance(t_mm: Float[np.ndarray, "3"], where: str) -> None:
-    """Raise `DatasetError` if an object stands so near the camera that its translation must be in metres."""
+    """Raise `DatasetError` if an object is so close to the camera that its translation must be in metres."""
     if not np.isfinite(t_mm).all() or np.linalg.norm(t_mm) < _MIN_TRANSLATION_MM:
         raise DatasetError(
             f"{where} is {np.linalg.norm(t_mm):.3g} long; BOP's translations are in millimetres, so this one seems to "
@@ -119,7 +120,7 @@ def symmetries_from_bop(info: dict[str, Any], T_model_part: Float[np.ndarray, "4
 
 
 def bop_from_symmetries(group: SymmetryGroup, T_model_part: Float[np.ndarray, "4 4"]) -> dict[str, Any]:
-    """Return the entries ``symmetries_discrete`` and ``symmetries_continuous``, each only if there is one."""
+    """Return the entries ``symmetries_discrete`` and ``symmetries_continuous``, each only if it is not empty."""
     entries: dict[str, Any] = {}
     if len(group.discrete):
         Ss = T_model_part @ group.discrete @ invert(T_model_part)
@@ -145,22 +146,21 @@ def check_rigid(T_model_part: Float[np.ndarray, "4 4"], name: str) -> None:
 
 
 def _triple(vector: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
-    """Return a vector as plain numbers."""
+    """Return a vector as three plain numbers."""
     x, y, z = vector.tolist()
     return x, y, z
 
 
 def _check_size(u: float, v: float, what: str) -> None:
-    """Raise `DatasetError` if the principal point, as shares of the image's sides, tells of an image of another size.
+    """Raise `DatasetError` if the principal point, as fractions of width and height, implies another image size.
 
-    Crops move the principal point, so only two things are refused: a point on the rim or beyond, and one that lies
-    off the centre by the same large factor in both directions, as when images were resized without their ``cam_K``.
+    Crops move the principal point, so only two cases are refused: a point at the border or beyond, and one that is
+    off centre by the same large factor in both directions, as when images were resized without their ``cam_K``.
     """
-    on_rim = not (0.02 < u < 0.98 and 0.02 < v < 0.98)
+    at_border = not (0.02 < u < 0.98 and 0.02 < v < 0.98)
     resized = abs(u - v) < 0.03 and not 0.3 < (u + v) / 2 < 0.7
-    if on_rim or resized:
+    if at_border or resized:
         raise DatasetError(
             f"{what}: they do not belong together. If the images were resized, scale fx, fy, cx and cy by the same "
-            "factor; "
-            "if they were cropped, subtract the crop's corner from cx and cy."
+            "factor; if they were cropped, subtract the crop's corner from cx and cy."
         )

@@ -1,4 +1,4 @@
-"""Detections as BOP and CNOS exchange them: a JSON list in COCO's style, with masks as RLE."""
+"""Detections in the JSON format of BOP and CNOS: a list in COCO's style, with masks as RLE."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ from simpick.records import Detection
 
 @dataclass(frozen=True, eq=False)
 class BopDetection:
-    """One entry of a detections file; its mask is decoded only when asked for."""
+    """One entry of a detections file; its mask is decoded on demand."""
 
     scene_id: int
     im_id: int
     obj_id: int
     score: float
     box_xyxy_px: Float[np.ndarray, "4"] | None
-    """Between pixel edges; None where the file has a mask only."""
+    """Between pixel edges; None where the file has only a mask."""
     segmentation: dict[str, Any] | None
-    """RLE, plain or compressed; None where the file has a box only."""
+    """RLE, plain or compressed; None where the file has only a box."""
     time_s: float
-    """For the whole image; negative where it is unknown."""
+    """For the whole image; negative if unknown."""
     where: str
     """File and entry, for errors."""
 
     def detection(self, part: str, height: int, width: int, *, amodal: bool = False) -> Detection:
         """Return the detection of `part` in an image of this size.
 
-        `amodal` says whether the file's boxes enclose whole objects: files say nothing about it. A missing box is taken
-        from the mask. Raises `DatasetError` if the mask is of another size.
+        `amodal` states whether the file's boxes enclose whole objects, which the file does not record. A missing box is
+        computed from the mask. Raises `DatasetError` if the mask is of another size.
         """
         mask = None if self.segmentation is None else decode_rle(self.segmentation, height, width, self.where)
         box = self.box_xyxy_px
@@ -54,7 +54,7 @@ class BopDetection:
 def read_detections(path: Path) -> list[BopDetection]:
     """Return a file's detections in its order (``.json`` or ``.json.gz``).
 
-    Raises `DatasetError` naming the entry and the key that is wrong.
+    Raises `DatasetError` naming the invalid entry and key.
     """
     entries = read_json(
         path, "Give a detections file in BOP's format: a list of scene_id, image_id, category_id, bbox, score."
@@ -74,7 +74,7 @@ def detections_of_image(
     *,
     amodal: bool = False,
 ) -> list[Detection]:
-    """Return the detections of one image, best first; `name` gives the part's name of an object id."""
+    """Return the detections of one image, best first; `name` maps an object id to a part's name."""
     chosen = [d for d in detections if (d.scene_id, d.im_id) == (scene_id, im_id)]
     chosen.sort(key=lambda d: -d.score)
     return [d.detection(name(d.obj_id), height, width, amodal=amodal) for d in chosen]
@@ -87,12 +87,12 @@ def write_detections(
     *,
     compressed: bool = False,
 ) -> None:
-    """Write detections in one step.
+    """Write detections atomically.
 
     Args:
         path: the JSON file.
-        images: of each image the scene's id, its own id, its time in seconds (negative if unknown) and its detections.
-        obj_id: gives the object id of a part's name.
+        images: per image, the scene's id, the image's id, its time in seconds (negative if unknown) and its detections.
+        obj_id: maps a part's name to its object id.
         compressed: write masks as compressed RLE, which is smaller; the plain form is read by the BOP toolkit without
             pycocotools.
     """

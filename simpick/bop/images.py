@@ -18,17 +18,17 @@ _DEPTH_MAX = 65535
 
 
 def find_image(folder: Path, stem: str) -> Path | None:
-    """Return the image of this name in a folder, whatever its format; None if there is none."""
+    """Return the image of this name in a folder, in any supported format; None if there is none."""
     return next((path for suffix in SUFFIXES if (path := folder / f"{stem}{suffix}").is_file()), None)
 
 
 def read_color(path: Path) -> UInt8[np.ndarray, "height width 3"]:
-    """Return a colour image as RGB; grey images get three equal channels, 16 bits are cut to the upper 8."""
+    """Return a colour image as RGB; grey images get three equal channels, 16-bit images keep the upper 8 bits."""
     image = _read(path)
     if image.dtype == np.uint16:
         image = (image >> 8).astype(np.uint8)
     if image.dtype != np.uint8:
-        raise DatasetError(f"{path}: a colour image must have 8 or 16 bits a channel, has {image.dtype}.")
+        raise DatasetError(f"{path}: a colour image must have 8 or 16 bits per channel, has {image.dtype}.")
     if image.ndim == 2:
         return np.repeat(image[..., None], 3, axis=2)
     return np.ascontiguousarray(image[..., 2::-1])
@@ -39,7 +39,7 @@ def read_depth(path: Path, depth_scale_mm: float) -> Float[np.ndarray, "height w
     image = _read(path)
     if image.ndim != 2:
         raise DatasetError(
-            f"{path}: a depth image must have one channel, has {image.shape[2]}; is it a picture of depth?"
+            f"{path}: a depth image must have one channel, has {image.shape[2]}; is it a visualization of depth?"
         )
     return (image.astype(np.float64) * (depth_scale_mm / MM_PER_M)).astype(np.float32)
 
@@ -57,9 +57,9 @@ def write_color(path: Path, rgb: UInt8[np.ndarray, "height width 3"]) -> None:
 
 
 def write_depth(path: Path, depth_m: Float[np.ndarray, "height width"], depth_scale_mm: float) -> None:
-    """Write depth as a 16-bit PNG in steps of `depth_scale_mm`; readings that are not finite become 0, none.
+    """Write depth as a 16-bit PNG in steps of `depth_scale_mm`; readings that are not finite become 0 (no reading).
 
-    Raises `ConfigError` where a reading is deeper than 16 bits reach.
+    Raises `ConfigError` if a reading exceeds the range of 16 bits.
     """
     steps = np.round(
         np.nan_to_num(depth_m.astype(np.float64), nan=0.0, posinf=0.0, neginf=0.0) * MM_PER_M / depth_scale_mm
@@ -78,12 +78,12 @@ def write_mask(path: Path, mask: Bool[np.ndarray, "height width"]) -> None:
 
 
 def _read(path: Path) -> Shaped[np.ndarray, "height width *channels"]:
-    """Return the image's raw values. Raises `DatasetError` if it is missing, cut off or no image."""
+    """Return the image's raw values. Raises `DatasetError` if it is missing, truncated or not an image."""
     try:
         content = path.read_bytes()
     except OSError as error:
         raise DatasetError(f"cannot read image {path}: {error.strerror}.") from error
-    # OpenCV fills what is missing from a cut-off PNG or JPEG with grey and only prints a warning, so look first.
+    # OpenCV fills the missing rest of a truncated PNG or JPEG with grey and only prints a warning.
     if content.startswith(b"\x89PNG") and b"IEND" not in content[-64:]:
         raise DatasetError(f"{path}: the PNG is truncated after {len(content)} bytes; fetch or write it again.")
     if content.startswith(b"\xff\xd8") and b"\xff\xd9" not in content[-1024:]:
@@ -100,6 +100,6 @@ def _read(path: Path) -> Shaped[np.ndarray, "height width *channels"]:
 
 
 def _write(path: Path, image: Shaped[np.ndarray, "height width *channels"], options: list[int] | None = None) -> None:
-    """Encode by the path's suffix and write in one step."""
+    """Encode by the path's suffix and write atomically."""
     encoded = cv2.imencode(path.suffix, image, options or [])[1]
     atomic_write_bytes(path, encoded.tobytes())

@@ -1,4 +1,4 @@
-"""Reading JSON with errors that name the file, the key and the remedy."""
+"""Reading JSON with errors that name the file, the key and how to fix it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ from simpick.errors import DatasetError
 
 
 def read_json(path: Path, remedy: str) -> Any:
-    """Return the content of a ``.json`` or ``.json.gz``. Raises `DatasetError`, with `remedy` if it is missing."""
+    """Return the content of a ``.json`` or ``.json.gz``.
+
+    Raises `DatasetError`, which ends with `remedy` if the file is missing.
+    """
     try:
         content = path.read_bytes()
     except FileNotFoundError as error:
@@ -29,14 +32,14 @@ def read_json(path: Path, remedy: str) -> Any:
             "fetch or write it again."
         ) from error
     except (OSError, EOFError, UnicodeDecodeError) as error:
-        raise DatasetError(f"{path}: neither text nor a whole gzip file ({error}). Fetch it again.") from error
+        raise DatasetError(f"{path}: neither text nor a complete gzip file ({error}). Fetch it again.") from error
 
 
 def read_json_by_id(path: Path, remedy: str) -> dict[int, Any]:
     """Return a JSON object whose keys are numbers, such as image ids, in ascending order."""
     content = read_json(path, remedy)
     if not isinstance(content, dict):
-        raise DatasetError(f"{path}: expected an object with an entry for each id, got a {type(content).__name__}.")
+        raise DatasetError(f"{path}: expected an object with one entry per id, got a {type(content).__name__}.")
     try:
         return {key: content[name] for key, name in sorted((int(name), name) for name in content)}
     except ValueError as error:

@@ -20,14 +20,14 @@ from simpick.errors import DatasetError
 from simpick.geometry.transforms import invert, transform, transform_points
 
 MIN_DIAMETER_MM, MAX_DIAMETER_MM = 2.0, 3000.0
-"""No part that a robot picks is smaller or larger; models in metres or micrometres are."""
+"""Parts that a robot picks lie between; models in metres or micrometres do not."""
 
 _DIAMETER_TOLERANCE = 1.5
-"""``models_info`` may describe the decimated mesh, so only a wrong unit is refused."""
+"""``models_info`` may describe the decimated mesh, so the check only detects a wrong unit."""
 
 
 class BopModels:
-    """The models of one data set; meshes are read when they are first asked for."""
+    """The models of one data set; meshes are read on first use."""
 
     def __init__(self, folder: Path, eval_folder: Path | None = None) -> None:
         self.folder, self.eval_folder = folder, eval_folder or folder
@@ -44,7 +44,7 @@ class BopModels:
 
     @cached_property
     def eval_info(self) -> dict[int, Any]:
-        """Return the ``models_info.json`` that errors are scaled by, as the BOP toolkit does: the eval models'."""
+        """Return the eval models' ``models_info.json``, whose diameters scale errors, as in the BOP toolkit."""
         if not (self.eval_folder / "models_info.json").is_file():
             return self.info
         return read_json_by_id(self.eval_folder / "models_info.json", "")
@@ -55,7 +55,7 @@ class BopModels:
         return tuple(self.info)
 
     def part(self, obj_id: int) -> Part:
-        """Return the part of an object id; `Part.T_cad_part` leads to the model's own frame, in metres.
+        """Return the part of an object id; `Part.T_cad_part` maps to the model's own frame, in metres.
 
         The collision shape is the convex hull. Raises `DatasetError` where the mesh is missing, unreadable or not in
         millimetres.
@@ -67,8 +67,8 @@ class BopModels:
     def eval_part(self, obj_id: int) -> Part:
         """Return the eval model as a part: what BOP renders for VSD.
 
-        Its bounding box may differ a little, and with it its part frame: ``part.T_cad_part`` and
-        ``eval_part.T_cad_part`` lead to the same model frame.
+        Its bounding box, and therefore its part frame, may differ slightly from the model's; ``part.T_cad_part`` and
+        ``eval_part.T_cad_part`` map to the same model frame.
         """
         if self.eval_folder == self.folder:
             return self.part(obj_id)
@@ -81,18 +81,18 @@ class BopModels:
         return tuple(self.part(obj_id) for obj_id in self.obj_ids)
 
     def obj_id(self, part_name: str) -> int:
-        """Return the object id of a part's name. Raises `DatasetError` if there is none."""
+        """Return the object id of a part name. Raises `DatasetError` if there is none."""
         if part_name not in self._ids:
             raise DatasetError(f"{self.folder}: no object is named {part_name!r}. Valid: {', '.join(self._ids)}.")
         return self._ids[part_name]
 
     def name(self, obj_id: int) -> str:
-        """Return the part's name: what simpick wrote beside the model, or ``obj_`` and six digits."""
+        """Return the part's name: the one that simpick wrote to ``models_info``, or ``obj_`` and six digits."""
         self._entry(obj_id)
         return self._names[obj_id]
 
     def diameter_m(self, obj_id: int) -> float:
-        """Return the diameter that BOP's thresholds are shares of, from the eval models' ``models_info.json``."""
+        """Return the diameter that scales BOP's thresholds, from the eval models' ``models_info.json``."""
         where = f"{self.eval_folder / 'models_info.json'}, object {obj_id}"
         entry = self.eval_info.get(obj_id, self._entry(obj_id))
         return float(required_numbers(entry, "diameter", 1, where)[0]) / MM_PER_M
@@ -120,8 +120,7 @@ class BopModels:
         if obj_id not in self.info:
             raise DatasetError(
                 f"{self.folder / 'models_info.json'}: has no key {obj_id}, which the data set's images or results "
-                "name. "
-                f"Objects: {', '.join(map(str, self.obj_ids))}."
+                f"name. Objects: {', '.join(map(str, self.obj_ids))}."
             )
         return self.info[obj_id]
 
@@ -166,7 +165,7 @@ class BopModels:
             )
         if not (high >= MIN_DIAMETER_MM and low <= MAX_DIAMETER_MM):
             raise DatasetError(
-                f"{path}: the mesh spans {low:.4g} mm, which is no part's size ({MIN_DIAMETER_MM:g} to "
+                f"{path}: the mesh spans {low:.4g} mm, which is not the size of a part ({MIN_DIAMETER_MM:g} to "
                 f"{MAX_DIAMETER_MM:g} mm). {advice}"
             )
 

@@ -12,7 +12,7 @@ from simpick.errors import DatasetError
 
 
 def read_ply(path: Path, present: str) -> trimesh.Trimesh:
-    """Return a mesh in the file's own unit and frame, vertices as they stand in the file."""
+    """Return a mesh in the file's own unit and frame, vertices in the file's order."""
     if not path.is_file():
         raise DatasetError(
             f"no mesh {path}, though models_info.json or the images name this object. Meshes there: {present}. Fetch "
@@ -30,10 +30,10 @@ def read_ply(path: Path, present: str) -> trimesh.Trimesh:
 
 
 def ply_text(vertices_mm: Float[np.ndarray, "n 3"], mesh: trimesh.Trimesh, rgb: tuple[float, float, float]) -> str:
-    """Return the text of an ASCII PLY with normals and one colour, as BOP's models have them.
+    """Return the text of an ASCII PLY with normals and one colour, as in BOP's models.
 
-    `mesh` gives faces and normals in the same frame. Coordinates are written in full (``double``), so that reading
-    them back is exact.
+    `mesh` provides faces and normals in the same frame. Coordinates are written as ``double`` in full precision, so
+    that reading them back is exact.
     """
     n, m = len(vertices_mm), len(mesh.faces)
     red, green, blue = (round(255 * min(max(channel, 0.0), 1.0)) for channel in rgb)

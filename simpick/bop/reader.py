@@ -1,7 +1,7 @@
-"""Reading any BOP data set: classic and multi-sensor layouts, lazily.
+"""Lazy reading of BOP data sets in the classic and multi-sensor layouts.
 
-``BopDataset(Path("datasets/ycbv"))`` looks at folder names only; models, scene files and images are read when they
-are asked for. What it gives is in simpick's conventions (see `simpick.bop.conventions`).
+``BopDataset(Path("datasets/ycbv"))`` reads folder names only; models, scene files and images are read on demand. All
+results are in simpick's conventions (see `simpick.bop.conventions`).
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ class BopDataset:
         split: folder of scenes, such as ``test``, ``val`` or ``train_pbr``; if None, ``test``, or the only one.
         camera: which sensor of a multi-sensor data set, such as ``cam1``; if None, the classic file names, or the only
             sensor there is.
-        models: folder of models; if None, ``models``, ``models_cad`` (T-LESS) or ``models_eval``, the
-            first there is.
+        models: folder of models; if None, ``models``, ``models_cad`` (T-LESS) or ``models_eval``,
+            the first that exists.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class BopDataset:
         return tuple(sorted(int(folder.name) for folder in _scene_folders(self.root / self.split)))
 
     def scene(self, scene_id: int) -> BopScene:
-        """Return one scene. Raises `DatasetError` if there is none of this id."""
+        """Return one scene. Raises `DatasetError` if there is no scene with this id."""
         folder = self.root / self.split / f"{scene_id:06d}"
         if not folder.is_dir():
             ids = ", ".join(map(str, self.scene_ids))
@@ -111,8 +111,7 @@ class BopDataset:
         if models not in present:
             raise DatasetError(
                 f"{self.root}: has no folder {models}. Model folders: {', '.join(present) or 'none'}. Fetch the data "
-                "set's "
-                "models archive, or choose another with models."
+                "set's models archive, or choose another with models."
             )
         return self.root / models
 

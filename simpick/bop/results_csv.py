@@ -1,4 +1,4 @@
-"""Pose estimates as BOP's results CSV: ``scene_id,im_id,obj_id,score,R,t,time``."""
+"""Pose estimates in BOP's results CSV: ``scene_id,im_id,obj_id,score,R,t,time``."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ class BopResult:
     obj_id: int
     score: float
     T_camera_model: Float[np.ndarray, "4 4"]
-    """Of the model's own frame, in metres; ``T_camera_part = T_camera_model @ part.T_cad_part``."""
+    """Pose of the model's own frame, in metres; ``T_camera_part = T_camera_model @ part.T_cad_part``."""
     time_s: float
-    """For the whole image, so the same in all its lines; negative where it is unknown."""
+    """For the whole image, therefore equal in all its lines; negative if unknown."""
 
 
 @dataclass(frozen=True)
 class ResultName:
-    """What the name of a results file tells: ``METHOD_DATASET-SPLIT[-SPLITTYPE][_ID].csv``."""
+    """The components of a results file's name: ``METHOD_DATASET-SPLIT[-SPLITTYPE][_ID].csv``."""
 
     method: str
     dataset: str
@@ -47,7 +47,7 @@ class ResultName:
 
 
 def parse_result_name(path: Path) -> ResultName:
-    """Return the parts of a results file's name. Raises `DatasetError` if it does not follow BOP's convention."""
+    """Return the components of a results file's name. Raises `DatasetError` if it does not follow BOP's convention."""
     match = _NAME.fullmatch(path.name)
     if match is None:
         raise DatasetError(
@@ -58,13 +58,13 @@ def parse_result_name(path: Path) -> ResultName:
 
 
 def read_results(path: Path) -> list[BopResult]:
-    """Return a file's estimates in its order. Raises `DatasetError` naming the line and the field that is wrong."""
+    """Return a file's estimates in its order. Raises `DatasetError` naming the invalid line and field."""
     try:
         lines = path.read_text().splitlines()
     except OSError as error:
         raise DatasetError(f"cannot read {path}: {error.strerror}. Give a results CSV ({HEADER}).") from error
     except UnicodeDecodeError as error:
-        raise DatasetError(f"{path}: is no text file. Give a results CSV ({HEADER}).") from error
+        raise DatasetError(f"{path}: is not a text file. Give a results CSV ({HEADER}).") from error
     results: list[BopResult] = []
     times: dict[tuple[int, int], float] = {}
     for number, line in enumerate(lines, start=1):
@@ -82,7 +82,7 @@ def read_results(path: Path) -> list[BopResult]:
 
 
 def write_results(path: Path, results: Iterable[BopResult]) -> None:
-    """Write the estimates in one step; numbers in full, so that reading them back is exact.
+    """Write the estimates atomically, with numbers in full precision, so that reading them back is exact.
 
     Raises `ConfigError` if two estimates of one image have different times.
     """
@@ -121,10 +121,10 @@ def _parse(line: str, where: str) -> BopResult:
 
 
 def _floats(field: str, count: int, name: str, where: str, *, whole: bool = False) -> Float[np.ndarray, "{count}"]:
-    """Return the field's numbers, separated by blanks."""
+    """Return the field's numbers, separated by spaces."""
     texts = field.split()
     if len(texts) != count:
-        hint = ", row by row, separated by blanks" if count > 1 else ""
+        hint = ", row by row, separated by spaces" if count > 1 else ""
         raise DatasetError(f"{where}: {name} must have {count} number{'s' * (count > 1)}{hint}, has {len(texts)}.")
     try:
         values = np.array([int(text) if whole else float(text) for text in texts], float)

@@ -31,13 +31,13 @@ class BopTruth:
     part: str
     T_camera_part: Float[np.ndarray, "4 4"]
     visible_fraction: float | None
-    """Share of the silhouette that is seen; None without ``scene_gt_info``."""
+    """Visible fraction of the silhouette; None without ``scene_gt_info``."""
     visible_px: int | None
-    """Pixels of the silhouette that are seen; None without ``scene_gt_info``."""
+    """Visible pixels of the silhouette; None without ``scene_gt_info``."""
 
 
 class BopScene:
-    """A scene, lazily: each file is read when it is first needed.
+    """A scene whose files are read on first use.
 
     `camera` is the suffix of multi-sensor data sets (``cam1`` of ``scene_camera_cam1.json``), empty for classic ones.
     """
@@ -56,9 +56,9 @@ class BopScene:
         return iter(self.im_ids)
 
     def frame(self, im_id: int, *, depth: bool = True) -> CameraFrame:
-        """Return an image with its camera; depth only if there is any and `depth` asks for it.
+        """Return an image with its camera, and its depth if the scene has depth and `depth` is set.
 
-        The camera's pose is the identity where the data set has none. Raises `DatasetError` for what does not fit.
+        The camera's pose is the identity if the data set has none. Raises `DatasetError` for inconsistent data.
         """
         entry, where = self._camera_entry(im_id), self._where("scene_camera", im_id)
         rgb = read_color(self._color_path(im_id))
@@ -102,7 +102,7 @@ class BopScene:
     def detections(self, im_id: int, *, min_visible_fraction: float = 0.0) -> list[Detection]:
         """Return perfect detections from the annotations: visible masks, modal boxes, score 1.
 
-        Instances with no visible pixel, or with less than the least visible fraction, are left out.
+        Instances with no visible pixel, or less visible than `min_visible_fraction`, are left out.
         `Detection.instance` is the annotation's index.
         """
         detections = []
@@ -160,7 +160,7 @@ class BopScene:
 
     def _color_path(self, im_id: int) -> Path:
         folders = [f"{kind}{self._suffix}" for kind in ("rgb", "gray")]
-        # HOT3D names its streams, not its sensors: scene_camera_rgb.json goes with the folder rgb.
+        # HOT3D names its streams, not its sensors: scene_camera_rgb.json belongs to the folder rgb.
         folders += [self.camera] if self.camera else []
         for folder in folders:
             if path := find_image(self.folder / folder, f"{im_id:06d}"):
@@ -202,12 +202,12 @@ class BopScene:
 
     @staticmethod
     def _check_stated_size(entry: Any, width: int, height: int, where: str) -> None:
-        """Compare with the size that some data sets state, and refuse cameras that are no pinholes."""
+        """Refuse images of another size than stated, and cameras that are not pinholes."""
         model = entry.get("cam_model") if isinstance(entry, dict) else None
         if model is not None and "cam_K" not in entry:
             kind = model.get("projection_model_type", "unknown") if isinstance(model, dict) else model
             raise DatasetError(
-                f"{where}: has a 'cam_model' of type {kind} instead of 'cam_K'. simpick knows pinhole cameras only: "
+                f"{where}: has a 'cam_model' of type {kind} instead of 'cam_K'. simpick supports pinhole cameras only: "
                 "undistort the images, and write their 'cam_K'."
             )
         stated = entry.get("width", width), entry.get("height", height)
@@ -225,7 +225,7 @@ class BopScene:
 
 
 def _ranges(ids: tuple[int, ...]) -> str:
-    """Return ids in a few words: ``0, 1, 2`` or ``0, 3, ... 995 (200 in all)``."""
+    """Return ids in abbreviated form: ``0, 1, 2`` or ``0, 3, ... 995 (200 in all)``."""
     if len(ids) <= 12:
         return ", ".join(map(str, ids)) or "none"
     return f"{', '.join(map(str, ids[:4]))}, ... {ids[-1]} ({len(ids)} in all)"

@@ -1,4 +1,4 @@
-"""The lists of what a method is asked to find: ``test_targets_bop19.json`` and its successors."""
+"""Lists of the objects to be found: ``test_targets_bop19.json`` and its successors."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from simpick.bop.json_files import read_json, required_id
 from simpick.errors import DatasetError
 
 MIN_VISIBLE_FRACTION = 0.1
-"""BOP asks for instances of which at least this share is visible."""
+"""BOP's targets are instances of which at least this fraction is visible."""
 
 
 @dataclass(frozen=True)
 class BopTarget:
-    """One object in one image to be found, or one image in which all objects are."""
+    """One object to be found in one image, or one image in which all objects are to be found."""
 
     scene_id: int
     im_id: int
     obj_id: int | None
     """None in lists of the detection task (BOP 2024), which name images only."""
     inst_count: int | None
-    """How many instances of the object there are to find; None where the list does not tell."""
+    """Number of instances to be found; None where the list does not state it."""
 
 
 def read_targets(path: Path) -> tuple[BopTarget, ...]:
-    """Return the targets in the file's order; lists of several views (``im_ids``) become one target a view."""
+    """Return the targets in the file's order; lists of several views (``im_ids``) become one target per view."""
     entries = read_json(path, "Use the annotations themselves as targets, or fetch the data set's base archive.")
     if not isinstance(entries, list):
         raise DatasetError(f"{path}: expected a list of targets, got a {type(entries).__name__}.")

@@ -1,7 +1,7 @@
 """Writing a BOP data set, image by image.
 
-Every file appears in one step, and an image's entry in ``scene_camera.json`` comes last: a killed writer leaves a
-valid data set without the image it was at. Opening the same folder with the same parts goes on where it ended.
+Files are written atomically, and an image's entry in ``scene_camera.json`` comes last: a killed writer leaves a valid
+data set without the unfinished image. A writer with the same folder and parts appends to it.
 """
 
 from __future__ import annotations
@@ -48,21 +48,21 @@ class BopInstance:
     """Name of one of the writer's parts."""
     T_camera_part: Float[np.ndarray, "4 4"]
     mask: Bool[np.ndarray, "height width"]
-    """The whole silhouette, as if nothing stood in front of it, as far as it lies in the image."""
+    """The whole silhouette inside the image, as if nothing occluded it."""
     visible_mask: Bool[np.ndarray, "height width"]
     silhouette_px: int | None = None
-    """Pixels of the silhouette including what the image's edge cuts off; None: the mask's. Divides ``visib_fract``."""
+    """Pixels of the silhouette, also outside the image, the denominator of ``visib_fract``; None: the mask's."""
 
 
 class BopWriter:
     """Writes images of known parts as a BOP data set; a context manager.
 
     Args:
-        root: the data set's folder; new, empty, or written before with the same parts.
-        parts: all parts that may occur; they get the object ids 1, 2, ... in this order.
+        root: the data set's folder; new, empty, or previously written with the same parts.
+        parts: all parts that may occur; their object ids are 1, 2, ... in this order.
         split: name of the folder of scenes.
-        depth_scale_mm: millimetres of one step of the depth images; 16 bits then reach 65535 steps far.
-        color_format: ``png``, without loss, or ``jpg``.
+        depth_scale_mm: millimetres per step of the depth images, whose 16 bits hold up to 65535 steps.
+        color_format: ``png`` (lossless) or ``jpg``.
 
     Raises `OutputError` if the folder holds anything else.
     """
@@ -81,14 +81,14 @@ class BopWriter:
         self.root, self.split, self.depth_scale_mm, self.color_format = Path(root), split, depth_scale_mm, color_format
         self.obj_ids = {part.name: k for k, part in enumerate(parts, start=1)}
         if not parts or len(self.obj_ids) != len(parts):
-            raise ConfigError(f"parts must be at least one, of different names, got {[part.name for part in parts]}.")
+            raise ConfigError(f"parts must be one or more with different names, got {[part.name for part in parts]}.")
         for part in parts:
             check_rigid(part.T_cad_part, part.name)
         self._parts = {part.name: part for part in parts}
         self._open(parts)
 
     def check_new(self, scene_ids: Sequence[int]) -> None:
-        """Raise `OutputError` if any of these scenes has been written before: adding would double its images."""
+        """Raise `OutputError` if any of these scenes exists already: adding would duplicate its images."""
         old = [k for k in scene_ids if (self.root / self.split / f"{k:06d}" / "scene_camera.json").exists()]
         if old:
             raise OutputError(
@@ -97,7 +97,7 @@ class BopWriter:
             )
 
     def add(self, scene_id: int, frame: CameraFrame, instances: Sequence[BopInstance]) -> int:
-        """Write one image of a scene, and return its id: the next one of the scene."""
+        """Write one image of a scene and return its id, the next free one of the scene."""
         scene = self.root / self.split / f"{scene_id:06d}"
         height, width = frame.rgb.shape[:2]
         for instance in instances:
@@ -105,19 +105,19 @@ class BopWriter:
         if (frame.camera.height, frame.camera.width) != (height, width):
             size = f"{frame.camera.width} x {frame.camera.height}"
             raise ConfigError(
-                f"the frame's camera must be of the image's size {width} x {height} px, got {size}; scale it."
+                f"the frame's camera must have the image's size {width} x {height} px, got {size}; scale it."
             )
         tables = {name: _read_table(scene / f"{name}.json") for name in ("scene_gt", "scene_gt_info", "scene_camera")}
         im_id = max(tables["scene_camera"], default=-1) + 1
 
         for stale in (*scene.glob(f"mask/{im_id:06d}_*.png"), *scene.glob(f"mask_visib/{im_id:06d}_*.png")):
-            stale.unlink()  # Left by a writer that was killed on this image.
+            stale.unlink()  # Left by a writer that was killed while writing this image.
         write_color(scene / "rgb" / f"{im_id:06d}.{self.color_format}", frame.rgb)
         if frame.depth_m is not None:
             write_depth(scene / "depth" / f"{im_id:06d}.png", frame.depth_m, self.depth_scale_mm)
         infos = []
         for gt_id, instance in enumerate(instances):
-            # The two masks may come from different renders; the silhouette holds what is seen.
+            # The two masks may come from different renders; the silhouette includes all visible pixels.
             mask = instance.mask | instance.visible_mask
             write_mask(scene / "mask" / f"{im_id:06d}_{gt_id:06d}.png", mask)
             write_mask(scene / "mask_visib" / f"{im_id:06d}_{gt_id:06d}.png", instance.visible_mask)
@@ -141,7 +141,7 @@ class BopWriter:
         return im_id
 
     def close(self) -> None:
-        """Write ``test_targets_bop19.json``: what is visible to at least a tenth in the split's finished images."""
+        """Write ``test_targets_bop19.json``: the instances of all finished images that are at least a tenth visible."""
         targets = []
         for scene in sorted((self.root / self.split).glob("*/scene_camera.json")):
             folder = scene.parent
@@ -167,7 +167,7 @@ class BopWriter:
         self.close()
 
     def _open(self, parts: Sequence[Part]) -> None:
-        """Write the models into a new folder, or check that an old one has the same."""
+        """Write the models into a new folder, or check that an existing one holds the same."""
         stamp = {
             "format": _FORMAT,
             "parts": [[part.name, part.content_hash, part.T_cad_part.tolist()] for part in parts],
@@ -188,7 +188,7 @@ class BopWriter:
         for folder, edge_share in (("models", None), ("models_eval", _EVAL_EDGE_SHARE)):
             info = {self.obj_ids[part.name]: self._write_model(part, self.root / folder, edge_share) for part in parts}
             _write_json(self.root / folder / "models_info.json", info)
-        _write_json(path, stamp)  # Last: a folder without it is a writer's that was killed here, and is written again.
+        _write_json(path, stamp)  # Last: a folder without it was left by a killed writer and is written again.
 
     def _write_model(self, part: Part, folder: Path, edge_share: float | None) -> dict[str, Any]:
         """Write a mesh in the model frame, in millimetres, and return its ``models_info`` entry."""
@@ -222,7 +222,7 @@ class BopWriter:
             shape = getattr(instance, name).shape
             if shape != (height, width):
                 raise ConfigError(
-                    f"{name} must be of the image's size {width} x {height} px, got {shape[1]} x {shape[0]}."
+                    f"{name} must have the image's size {width} x {height} px, got {shape[1]} x {shape[0]}."
                 )
 
 
@@ -258,7 +258,7 @@ def _read_table(path: Path) -> dict[int, Any]:
 
 
 def _write_json(path: Path, content: dict[Any, Any]) -> None:
-    """Write an object in one step, one line a key, as the BOP toolkit lays it out."""
+    """Write an object atomically, one line per key, in the BOP toolkit's layout."""
     rows = ",\n".join(
         f"  {json.dumps(str(key))}: {json.dumps(value, sort_keys=True)}" for key, value in content.items()
     )

@@ -208,7 +208,7 @@ def test_mesh_in_metres_but_info_in_millimetres(root):
 def test_mesh_and_info_in_metres(root):
     _scale_mesh(root / "models/obj_000002.ply", 0.001)
     _edit(root / "models/models_info.json", lambda info: info["2"].update(diameter=0.06325))
-    with _refuses(r"obj_000002\.ply: the mesh spans 0\.06 mm, which is no part's size .*multiply the vertices by 1000"):
+    with _refuses(r"obj_000002\.ply: the mesh spans 0\.06 mm, which is not the size of a part .*multiply the vertices"):
         BopDataset(root).models.part(2)
 
 
@@ -251,7 +251,7 @@ def test_file_that_is_no_image(root):
 
 def test_colour_picture_of_depth(root, frames):
     cv2.imwrite(str(root / "test/000004/depth/000000.png"), frames[0].rgb)
-    with _refuses(r"depth/000000\.png: a depth image must have one channel, has 3; is it a picture of depth\?"):
+    with _refuses(r"depth/000000\.png: a depth image must have one channel, has 3; is it a visualization of depth\?"):
         BopDataset(root).scene(4).frame(0)
 
 

@@ -43,7 +43,7 @@ def test_results_come_back_exactly(tmp_path):
     ("line", "text"),
     [
         (f"1,0,2,0.5,{R[:-2]},0 0 650,1", r"m_d-test\.csv, line 3: R must have 9 numbers, row by row, .* has 8\."),
-        (f"1,0,2,0.5,{R} 1,0 0 650,1", r"line 3: R must have 9 numbers, row by row, separated by blanks, has 10\."),
+        (f"1,0,2,0.5,{R} 1,0 0 650,1", r"line 3: R must have 9 numbers, row by row, separated by spaces, has 10\."),
         (f"1,0,2,0.5,{R},0 650,1", r"line 3: t must have 3 numbers, .* has 2\."),
         (f"1,0,2,{R},0 0 650,1", r"line 3: must have 7 fields separated by commas \(scene_id,im_id.*\), has 6\."),
         (f"1,0,two,0.5,{R},0 0 650,1", r"line 3: obj_id must be a whole number, got 'two'"),

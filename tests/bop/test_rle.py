@@ -1,4 +1,5 @@
 import numpy as np
+import pycocotools.mask
 import pytest
 
 from simpick.bop.rle import compress_counts, decode_rle, decompress_counts, encode_compressed_rle, encode_rle
@@ -33,7 +34,7 @@ def test_compressed_counts_match_the_hand_computed_text(counts, text):
     assert decompress_counts(text, "here") == counts
 
 
-def test_compressed_form_matches_pycocotools():
+def test_compressed_form_of_a_box():
     mask = np.zeros((480, 640), bool)
     mask[100:300, 200:500] = True
     # Written by pycocotools 2.0: the same run repeats 299 times, so differences are 0.
@@ -41,9 +42,12 @@ def test_compressed_form_matches_pycocotools():
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.9, 1.0])
-def test_both_forms_give_the_mask_back(share):
+def test_both_forms_agree_with_pycocotools_and_decode_to_the_mask(share):
     rng = np.random.default_rng(3)
     mask = rng.random((37, 53)) < share
+    compressed = pycocotools.mask.encode(np.asfortranarray(mask.astype(np.uint8)))
+    assert encode_compressed_rle(mask)["counts"] == compressed["counts"].decode()
+    assert pycocotools.mask.frPyObjects(encode_rle(mask), 37, 53) == compressed
     np.testing.assert_array_equal(decode_rle(encode_rle(mask), 37, 53, "here"), mask)
     np.testing.assert_array_equal(decode_rle(encode_compressed_rle(mask), 37, 53, "here"), mask)
 

@@ -102,7 +102,7 @@ def test_an_unknown_part_or_a_mask_of_another_size_is_refused(tmp_path, parts, f
     with BopWriter(tmp_path / "d", parts) as writer:
         with pytest.raises(ConfigError, match=r"part must be one of the writer's \(block, rod\), got 'nut'"):
             writer.add(0, frames[0], [BopInstance("nut", np.eye(4), mask, mask)])
-        with pytest.raises(ConfigError, match=r"mask must be of the image's size 64 x 48 px, got 30 x 20"):
+        with pytest.raises(ConfigError, match=r"mask must have the image's size 64 x 48 px, got 30 x 20"):
             writer.add(0, frames[0], [BopInstance("rod", np.eye(4), mask, mask)])
 
 

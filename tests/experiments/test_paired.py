@@ -8,14 +8,7 @@ import pytest
 from simpick.experiments.analysis.grasp_scores import score_grasps
 from simpick.experiments.analysis.paired import MEASURES, PairedStatistics, best_mode, compare_modes, paired_bins
 from simpick.experiments.result_store import EpisodeResult
-from simpick.metrics.intervals import (
-    Interval,
-    percentile_interval,
-    resample_bins,
-    resampled_median,
-    resampled_ratio,
-    wilson_interval,
-)
+from simpick.metrics.intervals import Interval
 from simpick.records import PickOutcome, PoseError
 from tests.experiments.test_result_store import make_pick, make_result
 
@@ -29,40 +22,6 @@ def bin_of(mode: str, episode: int, *outcomes: PickOutcome, ended: str = "cleare
 
 def rng() -> np.random.Generator:
     return np.random.default_rng(0)
-
-
-def test_a_ratio_is_of_sums_and_not_a_mean_of_ratios() -> None:
-    counts = np.array([[1, 1], [2, 0], [0, 2]])
-    ratios = resampled_ratio(counts, np.array([1.0, 8.0]), np.array([2.0, 8.0]))
-    assert ratios == pytest.approx([9 / 10, 1 / 2, 1.0])
-
-
-def test_a_ratio_over_nothing_is_unknown() -> None:
-    assert np.isnan(resampled_ratio(np.array([[2, 0]]), np.array([0.0, 1.0]), np.array([0.0, 1.0])))[0]
-
-
-def test_a_resampled_median_is_that_of_the_bins_written_out() -> None:
-    values, bins = np.array([5.0, 1.0, 2.0, 9.0, 4.0]), np.array([0, 0, 1, 2, 2])
-    counts = resample_bins(3, 50, rng())
-    for drawn, median in zip(counts, resampled_median(counts, values, bins), strict=True):
-        written_out = np.concatenate([np.repeat(values[bins == b], drawn[b]) for b in range(3)])
-        assert median == pytest.approx(np.median(written_out))
-
-
-def test_every_resample_draws_as_many_bins() -> None:
-    counts = resample_bins(7, 100, rng())
-    assert (counts.sum(axis=1) == 7).all() and (counts != 1).any()
-
-
-def test_the_percentile_interval_holds_the_middle_of_what_is_known() -> None:
-    interval = percentile_interval(50.0, np.concatenate([np.arange(101.0), [np.nan]]))
-    assert (interval.low, interval.high) == pytest.approx((2.5, 97.5))
-    assert interval.excludes_zero and not percentile_interval(0.0, np.linspace(-1, 1, 9)).excludes_zero
-
-
-def test_wilson_by_hand() -> None:
-    # 8 of 10: centre (0.8 + 1.96^2/20) / (1 + 1.96^2/10) = 0.7168, half width 0.2266.
-    assert wilson_interval(0.8, 10) == pytest.approx((0.4902, 0.9433), abs=1e-4)
 
 
 def test_figures_are_those_of_a_run() -> None:
@@ -131,9 +90,3 @@ def test_the_best_mode_also_clears_the_bin() -> None:
     statistics = PairedStatistics(tuple(measures), (0,), (), measures, ())
     assert best_mode(statistics, ("idle", "shy", "slow", "quick")) == "quick"
     assert best_mode(statistics, ("idle", "shy")) == "shy"
-
-
-def test_an_interval_of_no_width_is_told_from_an_unknown_one() -> None:
-    assert percentile_interval(1.0, np.ones(50)).has_no_width
-    assert not percentile_interval(1.0, np.array([0.0, 1.0, 2.0])).has_no_width
-    assert not percentile_interval(float("nan"), np.ones(50)).has_no_width

@@ -131,7 +131,7 @@ def test_a_gain_is_the_difference_of_the_whole_and_its_interval_is_over_bins() -
     after = result_of("b", (10, 0.6), (30, 0.8), (0, 0.0), (20, 0.7))
     (alike,) = gains([before, after])
     assert (alike.estimator, alike.before, alike.noise) == ("b", "a", "perfect")
-    assert alike.differences["ar"].value == pytest.approx(0.1) and alike.differences["ar"].has_no_width
+    assert alike.differences["ar"].value == pytest.approx(0.1) and alike.differences["ar"].has_zero_width
     assert alike.differences["ar"].low == pytest.approx(0.1) == alike.differences["ar"].high
     (mixed,) = gains([before, result_of("c", (10, 0.9), (30, 0.7), (0, 0.0), (20, 0.5))])
     assert mixed.differences["ar"].value == pytest.approx((10 * 0.4 - 20 * 0.1) / 60)

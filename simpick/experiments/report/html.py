@@ -101,7 +101,7 @@ def _answer(comparison: Comparison, statistics: PairedStatistics) -> dict[str, A
             f"{measure.title} of {mode}"
             for mode, intervals in statistics.measures.items()
             for measure in MEASURES
-            if intervals[measure.key].has_no_width
+            if intervals[measure.key].has_zero_width
         ],
     }
 
