@@ -70,7 +70,7 @@ class Evaluate(Config):
         """Evaluate, print the tables, and write the files that were asked for."""
         return self._run_bins() if self.dataset is None else self._run_dataset(self.dataset)
 
-    def check_rules(self) -> None:
+    def _check_rules(self) -> None:
         """Raise ConfigError for settings that contradict each other, before anything is read or simulated."""
         if (self.dataset is None) == (self.bins == 0):
             raise ConfigError("give either --dataset DIR or --bins N: the images to evaluate on")

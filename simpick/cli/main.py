@@ -48,6 +48,8 @@ COMMANDS = {
 FORMER_COMMANDS = {"yardstick": "pose-benchmark"}
 FORMER_OPTIONS = {
     "run": {"--perception": "--estimator"},
+    "sweep": {"--perception": "--estimator"},
+    "benchmark": {"--perception": "--estimator"},
     "evaluate": {"--scenes": "--bins", "--noise": "--detections"},
     "pose-benchmark": {"--noise": "--detections"},
     "parts add": {"--replace": "--overwrite"},

@@ -42,7 +42,7 @@ class Sweep:
 
         if self.config.perception != "oracle" or self.config.noise_mm or self.config.noise_deg:
             raise ConfigError(
-                "a sweep sets perception and noise itself, got --perception, --noise-mm or --noise-deg; "
+                "a sweep sets perception and noise itself, got --estimator, --noise-mm or --noise-deg; "
                 "choose the levels with --levels-mm and --levels-deg"
             )
         if min((*self.levels_mm, *self.levels_deg), default=0.0) < 0:

@@ -1,8 +1,9 @@
-"""What one comparison is: the modes, and the bins that every mode gets to pick."""
+"""The configuration of a comparison: the modes, and the bins that each of them picks."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Annotated
 
 import tyro
 
@@ -16,17 +17,18 @@ from simpick.experiments.run_config import CellConfig, RunConfig
 class CompareConfig(CellConfig):
     """Modes that pick the same bins: episode k is the bin of seed ``seed + k`` for each of them."""
 
-    modes: tyro.conf.Positional[tuple[str, ...]] = (ORACLE, ORACLE_NOISE, "retrieval")
-    """Modes to compare, each held against the first and against the one before: oracle (true poses), oracle_noise (true
-    poses, blurred), retrieval, retrieval_refined, coarse, fine, refined, or one that another package registers. NAME@K,
-    such as refined@8, asks an estimator for K hypotheses a part; +closer behind a mode, such as retrieval+closer, adds
-    a second look through the wrist camera before each grasp."""
+    modes: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="MODE ...")] = (
+        ORACLE,
+        ORACLE_NOISE,
+        "retrieval",
+    )
+    """NAME, NAME@K with K hypotheses per part, or either with +closer, such as refined@8+closer."""
     episodes: int = 10
     """How many bins each mode picks."""
     noise_deg: NonNegativeFloat = 5.0
-    """Mode oracle_noise: median rotation error added to the true poses, in degrees."""
+    """oracle_noise: median rotation error added to the true poses, in degrees."""
     noise_mm: NonNegativeFloat = 5.0
-    """Mode oracle_noise: median translation error added to the true poses, in millimetres."""
+    """oracle_noise: median translation error added to the true poses, in millimetres."""
 
     def _check_rules(self) -> None:
         super()._check_rules()
@@ -34,7 +36,7 @@ class CompareConfig(CellConfig):
             raise ConfigError("noise_deg and noise_mm must not both be 0 (that is the mode oracle), got 0 and 0")
 
     def run_configs(self) -> dict[str, RunConfig]:
-        """Return the run that each mode stands for.
+        """Return the run of each mode, by the mode's full name.
 
         Raises:
             ConfigError: a mode is missing, misspelt, named twice, unknown, or cannot be made.

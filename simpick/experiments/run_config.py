@@ -1,4 +1,4 @@
-"""What one run of ``simpick run`` is: everything that its results depend on."""
+"""The configuration of one run: every setting that its results depend on."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
+import tyro
 from annotated_types import Interval
 
 from simpick.config import Config, NonNegativeFloat, NonNegativeInt, PositiveInt
@@ -18,7 +19,7 @@ _SideMm = Annotated[float, Interval(ge=50, le=1000)]
 
 @dataclass(frozen=True)
 class CellConfig(Config):
-    """Bins, gripper and detections: what does not depend on who estimates poses.
+    """Bins, gripper and detections: the settings that do not depend on the estimator.
 
     Episode k uses seed ``seed + k``; nothing else is random.
     """
@@ -26,23 +27,25 @@ class CellConfig(Config):
     episodes: PositiveInt = 1
     """How many bins to pick."""
     seed: NonNegativeInt = 0
-    """Seed of the first episode."""
-    parts: tuple[str, ...] = ()
-    """Part names or mesh files to draw the bin's parts from; one makes a homogeneous bin, none means the library."""
+    """Seed of the first episode; episode k has seed + k."""
+    parts: Annotated[
+        tuple[str, ...], tyro.conf.arg(metavar="PART ...", help_behavior_hint="(default: the library)")
+    ] = ()
+    """Part names or mesh files that bins are filled from; a single one makes homogeneous bins."""
     count: int = 12
-    """How many parts a bin holds, 1 to 50."""
+    """Parts per bin, 1 to 50."""
     gripper: Literal["jaw", "suction"] = "jaw"
-    """Which gripper the arm carries."""
+    """Gripper on the arm."""
     robot: str = "ur5e"
-    """Which arm picks: ur5e."""
+    """Arm: ur5e."""
     bin_mm: tuple[_SideMm, _SideMm, _SideMm] = (400.0, 300.0, 120.0)
     """Inner length (across the arm's reach), width and depth of the bin, in millimetres."""
     detections: Literal["perfect", "realistic"] = "perfect"
-    """How well parts are segmented in the image before their poses are estimated."""
+    """Quality of the masks that poses are estimated from."""
     randomization: str = "default"
     """Preset of lights, colours, textures and camera jitter: default, none or strong."""
     max_consecutive_failures: PositiveInt = 2
-    """The episode ends after this many failed attempts in a row (two is VGN's protocol)."""
+    """Failed attempts in a row that end an episode (VGN's protocol has two)."""
 
     def to_json(self) -> dict[str, Any]:
         """Return a JSON object that names the run."""
@@ -51,20 +54,20 @@ class CellConfig(Config):
 
 @dataclass(frozen=True)
 class RunConfig(CellConfig):
-    """A cell and the perception that it is picked with."""
+    """A cell and the perception that picks in it."""
 
-    perception: str = "oracle"
-    """Who estimates poses: oracle (the truth), retrieval, retrieval_refined, coarse, fine, refined, or one that another
-    package registers."""
-    hypotheses: PositiveInt | None = None
-    """Ask the estimator for this many hypotheses a part instead of its own number; the oracle has none."""
+    perception: Annotated[str, tyro.conf.arg(name="estimator")] = "oracle"
+    """oracle (true poses), an estimator that ships, or one of another package."""
+    hypotheses: Annotated[
+        PositiveInt | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: the estimator's own)")
+    ] = None
+    """How many hypotheses to ask for per part; the oracle has none."""
     noise_deg: NonNegativeFloat = 0.0
-    """Oracle only: median rotation error added to the true poses, in degrees."""
+    """oracle: median rotation error added to the true poses, in degrees."""
     noise_mm: NonNegativeFloat = 0.0
-    """Oracle only: median translation error added to the true poses, in millimetres."""
+    """oracle: median translation error added to the true poses, in millimetres."""
     look_closer: bool = False
-    """Look again through the wrist camera before descending, and correct the grasp by what the refiner sees; with the
-    oracle by the true pose, which is what an ideal refiner would give."""
+    """Correct each grasp by a second image, from the wrist camera (oracle: by the true pose)."""
 
     def _check_rules(self) -> None:
         super()._check_rules()
@@ -72,11 +75,11 @@ class RunConfig(CellConfig):
             raise ConfigError(f"noise_deg and noise_mm are for perception 'oracle', got perception {self.perception!r}")
         if self.perception == "oracle" and self.hypotheses is not None:
             raise ConfigError(
-                f"hypotheses are for perceptions that estimate, the oracle knows one pose; got {self.hypotheses}"
+                f"hypotheses are for perceptions that estimate; the oracle has one pose, got {self.hypotheses}"
             )
 
     @property
     def mode(self) -> str:
-        """Return the perception mode's full name: ``oracle_noise``, ``retrieval``, ``retrieval@8``, ``fine+closer``."""
+        """Return the mode's full name: ``oracle_noise``, ``retrieval``, ``retrieval@8``, ``fine+closer``."""
         name = ORACLE_NOISE if self.noise_deg or self.noise_mm else self.perception
         return str(Mode(name, self.hypotheses, self.look_closer))
