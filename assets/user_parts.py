@@ -22,7 +22,7 @@ from simpick.assets.part import Material, Part
 from simpick.assets.symmetry_detection import detect_symmetries
 from simpick.assets.units import Unit, choose_unit
 from simpick.caching import atomic_path, cache_dir, cache_key, read_npz
-from simpick.config import Config, Fraction
+from simpick.config import Config, Fraction, from_json, read_json
 from simpick.errors import ConfigError, MeshError, OutputError, UnknownNameError
 from simpick.geometry.symmetry import ContinuousSymmetry, SymmetryGroup
 from simpick.geometry.transforms import transform
@@ -215,10 +215,11 @@ def load_user_part(name: str) -> Part:
     """Return a registered part. Raises `MeshError` if its entry is damaged."""
     folder = user_parts_dir() / name
     try:
-        record = json.loads((folder / _SETTINGS).read_text())
-        file = folder / record["file"]
-        settings = CadSettings(record["unit"], record["density_kg_m3"], tuple(record["rgb"]), record["simplify"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        record = read_json(folder / _SETTINGS)
+        file = folder / record.pop("file")
+        del record["from"]
+        settings = from_json(CadSettings, record, complete=True)
+    except (ConfigError, KeyError, TypeError) as error:
         raise MeshError(
             f"the entry of part {name!r} in {folder} is damaged ({type(error).__name__}: {error}). Add it again: "
             f"simpick parts add FILE --name {name} --replace"

@@ -84,6 +84,10 @@ class Config:
     def _check_rules(self) -> None:
         """Raise ConfigError where fields contradict each other; a subclass of a configuration calls ``super()``."""
 
+    def to_json(self) -> dict[str, Any]:
+        """Return plain values that `from_json` reads."""
+        return dataclasses.asdict(self)  # type: ignore[call-overload]  # subclasses are dataclasses
+
 
 @cache
 def field_types(kind: type) -> dict[str, Any]:
@@ -92,17 +96,19 @@ def field_types(kind: type) -> dict[str, Any]:
     return {field.name: hints[field.name] for field in dataclasses.fields(kind)}
 
 
-def load_json(kind: type[_T], path: Path) -> _T:
-    """Return the dataclass that a JSON file holds; see `from_json`.
+def read_json(path: Path) -> dict[str, Any]:
+    """Return the object in a JSON file.
 
     Raises:
-        ConfigError: the file cannot be read, is no JSON, or does not fit `kind`; the message names the file.
+        ConfigError: the file cannot be read, or is no JSON object; the message names the file.
     """
     try:
         values = json.loads(path.read_text())
     except (OSError, ValueError) as error:
         raise ConfigError(f"{path} must be a JSON file, cannot be read ({error})") from error
-    return from_json(kind, values, str(path))
+    if not isinstance(values, dict):
+        raise ConfigError(f"{path} must hold a JSON object, got {values!r}")
+    return values
 
 
 def from_json(kind: type[_T], values: object, source: str = "", *, complete: bool = False) -> _T:
@@ -123,7 +129,7 @@ def from_json(kind: type[_T], values: object, source: str = "", *, complete: boo
 
 def _build(kind: type[_T], values: object, path: str, complete: bool) -> _T:
     if not isinstance(values, dict):
-        raise ConfigError(f"{path or kind.__name__} must be an object with settings by name, got {values!r}")
+        raise ConfigError(f"{path or kind.__name__} must be an object with values by name, got {values!r}")
     prefix = f"{path}." if path else ""
     hints = field_types(kind)
     found = [_unknown(prefix, str(key), hints) for key in values if key not in hints]

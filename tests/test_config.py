@@ -18,7 +18,7 @@ from annotated_types import Interval, MinLen
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simpick.config import Config, Fraction, PositiveFloat, PositiveInt, from_json, load_json
+from simpick.config import Config, Fraction, PositiveFloat, PositiveInt, from_json, read_json
 from simpick.errors import ConfigError
 
 
@@ -109,8 +109,8 @@ def test_the_command_line_reads_the_plain_types() -> None:
 def test_a_configuration_written_as_json_is_read_back_equal(tmp_path: Path) -> None:
     config = Outer(3, levels=(Inner(32), Inner(64)), folder=Path("a/b"), colour=Colour.BLUE, times={"wall": 2.0})
     file = tmp_path / "config.json"
-    file.write_text(json.dumps(dataclasses.asdict(config), default=str))
-    assert load_json(Outer, file) == config
+    file.write_text(json.dumps(config.to_json(), default=str))
+    assert from_json(Outer, read_json(file)) == config
 
 
 def test_integers_in_json_become_floats_where_floats_are_asked_for() -> None:
@@ -121,7 +121,7 @@ def test_integers_in_json_become_floats_where_floats_are_asked_for() -> None:
 @pytest.mark.parametrize(
     ("values", "text"),
     [
-        ([1], "Outer must be an object with settings by name, got [1]"),
+        ([1], "Outer must be an object with values by name, got [1]"),
         ({}, "window is missing"),
         (
             {"window": 1, "shore": 2, "zzz": 1},
@@ -135,7 +135,7 @@ def test_integers_in_json_become_floats_where_floats_are_asked_for() -> None:
             "inner.span must be a tuple (in JSON a list) of 2 values, got [1",
         ),
         ({"window": 1, "inner": {"span": [2, 1]}}, "inner: span must have the smaller value first, got (2.0, 1.0)"),
-        ({"window": 1, "inner": 3}, "inner must be an object with settings by name, got 3"),
+        ({"window": 1, "inner": 3}, "inner must be an object with values by name, got 3"),
         ({"window": 1, "levels": [{}, {"size_px": 8}]}, "levels[1].size_px must be between 16 and 512"),
         ({"window": 1, "colour": "green"}, "colour must be one of 'red', 'blue', got 'green'"),
         ({"window": 1, "times": {"wall": "1"}}, "times.wall must be a finite number, got '1'"),
@@ -153,11 +153,16 @@ def test_a_complete_object_must_name_every_field() -> None:
         from_json(Inner, {"size_px": 32}, complete=True)
 
 
-def test_a_file_that_is_no_json_is_named(tmp_path: Path) -> None:
-    (file := tmp_path / "broken.json").write_text("{")
-    for path in (file, tmp_path / "missing.json"):
-        with pytest.raises(ConfigError, match=f"{path.name} must be a JSON file, cannot be read"):
-            load_json(Outer, path)
+def test_a_file_that_is_no_json_object_is_named(tmp_path: Path) -> None:
+    (tmp_path / "broken.json").write_text("{")
+    (tmp_path / "list.json").write_text("[1]")
+    for name, text in (
+        ("broken", "be a JSON file, cannot be read"),
+        ("missing", "be a JSON file"),
+        ("list", "hold a JSON object"),
+    ):
+        with pytest.raises(ConfigError, match=rf"{name}\.json must {text}"):
+            read_json(tmp_path / f"{name}.json")
 
 
 def test_plain_dataclasses_are_loaded_too() -> None:

@@ -13,7 +13,8 @@ import torch
 from safetensors.torch import save as to_bytes
 
 from simpick.caching import atomic_write_bytes
-from simpick.errors import CheckpointError, ConfigError, UnknownNameError
+from simpick.config import from_json
+from simpick.errors import CheckpointError
 from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.network.model import RayPose
 from simpick.estimators.raypose.network.strict_weights import check_weights
@@ -65,12 +66,9 @@ def load_checkpoint(path: Path, *, dino_weights: Path | None = None) -> Checkpoi
     """
     header, tensors = _read(path)
     try:
-        values = json.loads(header["config"])
-        if not isinstance(values, dict):
-            raise ConfigError("it must hold names and values")
-        config = RayPoseConfig.from_json(values)
+        config = from_json(RayPoseConfig, json.loads(header["config"]), complete=True)
         card = json.loads(header["card"])
-    except (KeyError, TypeError, ValueError, UnknownNameError) as error:
+    except (KeyError, TypeError, ValueError) as error:
         raise CheckpointError(f"the configuration in {path} cannot be read ({error}); take the file anew") from error
     model = RayPose(config)
     expected = {name: tensor for name, tensor in model.state_dict().items() if not name.startswith(_FROZEN)}

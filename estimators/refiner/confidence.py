@@ -6,8 +6,6 @@ what it was fitted on; what it wrote lies here as ``confidence.json``. Library p
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from simpick.config import from_json, read_json
 from simpick.errors import ConfigError
 from simpick.records import PoseHypothesis
 
@@ -22,7 +21,9 @@ SHIPPED_FILE = Path(__file__).with_name("confidence.json")
 FEATURES = ("log_score", "margin", "log_visible_px")
 GOOD_MM, GOOD_DEG = 5.0, 10.0
 """A pose is good enough below these errors: there the jaw forgives nearly everything (``simpick sweep``)."""
+_GOOD = {"mm": GOOD_MM, "deg": GOOD_DEG}
 _WIDEST_MARGIN = 1.0
+_REMEDY = "make it again with: simpick refiner calibrate"
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,15 @@ class Confidence:
         """Return the probability that a pose with these features is good."""
         # An array also for a single pose, where NumPy would make a scalar of it.
         return np.asarray(1 / (1 + np.exp(-(self.bias + features @ np.asarray(self.weights)))))
+
+
+@dataclass(frozen=True)
+class _Stored:
+    """What is read of the file."""
+
+    bias: float
+    weights: dict[str, float]
+    good: dict[str, float]
 
 
 def confidence_features(best_first: Sequence[PoseHypothesis], visible_px: int) -> Float[np.ndarray, "3"]:
@@ -76,24 +86,18 @@ def read_confidence(file: Path = SHIPPED_FILE) -> Confidence:
     """Return the model that ``simpick refiner calibrate`` wrote to a file.
 
     Raises:
-        ConfigError: the file is missing, damaged, or holds something else; so are other cues or another meaning of
-            good.
+        ConfigError: the file is missing, damaged, or of other features or another limit of good.
     """
-    again = "make it anew with: simpick refiner calibrate"
     try:
-        content = json.loads(file.read_text())
-    except FileNotFoundError:
-        raise ConfigError(f"there is no file of the refiner's confidence at {file}; {again}") from None
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"the refiner's confidence cannot be read from {file} ({error}); {again}") from None
-    content = content if isinstance(content, dict) else {}
-    weights, good = content.get("weights"), {"mm": GOOD_MM, "deg": GOOD_DEG}
-    if not isinstance(weights, dict) or set(weights) != set(FEATURES) or content.get("good") != good:
-        raise ConfigError(
-            f"{file} must hold weights of {', '.join(FEATURES)} for a good pose of {good}, "
-            f"got weights {weights} and good {content.get('good')}; {again}"
+        content = read_json(file)
+        stored = from_json(
+            _Stored, {name: content[name] for name in ("bias", "weights", "good") if name in content}, str(file)
         )
-    numbers = [content.get("bias"), *(weights[name] for name in FEATURES)]
-    if not all(type(number) in (int, float) and math.isfinite(number) for number in numbers):
-        raise ConfigError(f"bias and weights in {file} must be finite numbers, got {numbers}; {again}")
-    return Confidence(float(numbers[0]), tuple(float(number) for number in numbers[1:]))
+    except ConfigError as error:
+        raise ConfigError(f"{error}; {_REMEDY}") from None
+    if set(stored.weights) != set(FEATURES) or stored.good != _GOOD:
+        raise ConfigError(
+            f"{file} must hold weights of {', '.join(FEATURES)} for a good pose of {_GOOD}, "
+            f"got weights {stored.weights} and good {stored.good}; {_REMEDY}"
+        )
+    return Confidence(stored.bias, tuple(stored.weights[name] for name in FEATURES))

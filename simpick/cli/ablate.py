@@ -43,15 +43,14 @@ class Ablate:
 
         from simpick.estimators.raypose.network.config import preset
         from simpick.training import ablations
-        from simpick.training.config import TrainConfig
-        from simpick.training.config_file import load_train_config
+        from simpick.training.config import TrainConfig, read_train_config
         from simpick.training.curves import plot_scaling, read_log
         from simpick.training.progress import TrainProgress
         from simpick.training.run_folder import TrainingFolder
         from simpick.training.trainer import Budget
 
         budget = Budget(self.minutes, self.steps)
-        training = load_train_config(self.config) if self.config else TrainConfig()
+        training = read_train_config(self.config) if self.config else TrainConfig()
         ablation = ablations.Ablation(preset(self.size), training, budget, self.out, self.resources)
         is_paper = self.what == "paper"
         variants = list(dict.fromkeys(v.name for v in ablations.COMPONENTS + ablations.TEMPLATES))

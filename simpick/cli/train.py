@@ -153,10 +153,9 @@ class Train:
         """Return the training's configuration; raises ConfigError."""
         import dataclasses
 
-        from simpick.training.config import TrainConfig
-        from simpick.training.config_file import load_train_config
+        from simpick.training.config import TrainConfig, read_train_config
 
-        config = load_train_config(self.config) if self.config else TrainConfig()
+        config = read_train_config(self.config) if self.config else TrainConfig()
         given = {name: getattr(self, name) for name in _TRAINING if getattr(self, name) is not None}
         if self.seed is not None:
             given |= {"seed": self.seed, "data": dataclasses.replace(config.data, seed=self.seed)}

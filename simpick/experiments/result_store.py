@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from simpick.config import from_json
 from simpick.errors import OutputError
 from simpick.experiments.provenance_changes import changes
-from simpick.records import PickOutcome, PickRecord, PoseError
+from simpick.records import PickOutcome, PickRecord
 from simpick.run_folder import CONFIG_FILE, RunFolder
 
 RESULTS_FILE = "results.jsonl"
@@ -61,29 +62,6 @@ class EpisodeResult:
             for pick in line["picks"]:
                 pick.pop("timings_s")
         return line
-
-    @staticmethod
-    def from_json(line: dict[str, Any]) -> EpisodeResult:
-        """Return the result that `to_json` wrote."""
-        picks = tuple(pick_from_json(pick) for pick in line["picks"])
-        # Lines of versions without modes are refused: their mode cannot be known.
-        return EpisodeResult(**{**line, "instances": tuple(line["instances"]), "picks": picks, "mode": line["mode"]})
-
-
-def pick_from_json(pick: dict[str, Any]) -> PickRecord:
-    """Return the `PickRecord` behind a JSON object."""
-    error = pick["pose_error"]
-    return PickRecord(
-        **{
-            **pick,
-            "outcome": PickOutcome(pick["outcome"]),
-            "delivered": tuple(pick["delivered"]),
-            "ejected": tuple(pick["ejected"]),
-            "stages": tuple(pick["stages"]),
-            "gripped": tuple(pick["gripped"]),
-            "pose_error": None if error is None else PoseError(**error),
-        }
-    )
 
 
 class ResultStore(RunFolder):
@@ -138,8 +116,9 @@ def read_results(file: Path) -> list[EpisodeResult]:
     results = []
     for number, line in enumerate(file.read_text().splitlines(), start=1):
         try:
-            results.append(EpisodeResult.from_json(json.loads(line)))
-        except (ValueError, KeyError, TypeError) as error:
+            # Lines of versions without modes are refused: their mode cannot be known.
+            results.append(from_json(EpisodeResult, json.loads(line), complete=True))
+        except ValueError as error:
             raise OutputError(
                 f"{file}, line {number}, is not an episode of this version of simpick ({error}). "
                 "Remove that line to run its episode again, or use --overwrite"

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import tyro
 from annotated_types import Interval
@@ -46,10 +45,6 @@ class CellConfig(Config):
     """Preset of lights, colours, textures and camera jitter: default, none or strong."""
     max_consecutive_failures: PositiveInt = 2
     """Failed attempts in a row that end an episode (VGN's protocol has two)."""
-
-    def to_json(self) -> dict[str, Any]:
-        """Return a JSON object that names the run."""
-        return dataclasses.asdict(self)
 
 
 @dataclass(frozen=True)

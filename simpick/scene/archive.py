@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from simpick.config import from_json
 from simpick.errors import OutputError, SceneError
 from simpick.scene.config import SceneConfig
 
@@ -46,7 +47,7 @@ def write_archive(path: Path, archive: SceneArchive) -> None:
     header = {
         "format": _FORMAT,
         "mujoco": archive.mujoco_version,
-        "config": archive.config.to_dict(),
+        "config": archive.config.to_json(),
         "seed": archive.seed,
         "part_hashes": archive.part_hashes,
         "removed": archive.removed,
@@ -72,7 +73,7 @@ def read_archive(path: Path) -> SceneArchive:
             sleep = {name.removeprefix(_SLEEP_PREFIX): file[name] for name in file if name.startswith(_SLEEP_PREFIX)}
         return SceneArchive(
             mujoco_version=header["mujoco"],
-            config=SceneConfig.from_dict(header["config"]),
+            config=from_json(SceneConfig, header["config"], complete=True),
             seed=header["seed"],
             part_hashes=tuple(header["part_hashes"]),
             removed=tuple(header["removed"]),

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
-from typing import Annotated, Any
+from dataclasses import dataclass, field
+from typing import Annotated
 
 from annotated_types import Interval, MinLen
 
@@ -92,26 +92,3 @@ class SceneConfig(Config):
                 f"overhead_height_m must be between {lowest:.2f} (0.3 m over the bin's rim) and 3.0 m,"
                 f" got {self.overhead_height_m}"
             )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values that `from_dict` and JSON understand."""
-        return asdict(self)
-
-    @staticmethod
-    def from_dict(values: dict[str, Any]) -> SceneConfig:
-        """Return the configuration that `to_dict` described; raises ConfigError on unknown keys."""
-        values = dict(values)
-        nested = {
-            "bin": BinConfig,
-            "overhead": CameraConfig,
-            "wrist": CameraConfig,
-            "overview": CameraConfig,
-            "physics": PhysicsConfig,
-        }
-        try:
-            for key, cls in nested.items():
-                values[key] = cls(**values[key])
-            values["parts"] = tuple(values["parts"])
-            return SceneConfig(**values)
-        except (KeyError, TypeError) as error:
-            raise ConfigError(f"not a scene configuration of this version of simpick: {error}") from error

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Annotated
 
 from annotated_types import Interval
 
-from simpick.config import Config, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
+from simpick.config import Config, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt, from_json, read_json
 from simpick.errors import ConfigError
 from simpick.estimators.raypose.diffusion.schedule import SCHEDULES
 from simpick.estimators.raypose.network.losses import LossWeights
@@ -79,3 +80,15 @@ class TrainConfig(Config):
         if self.decay_fraction and progress > 1 - self.decay_fraction:
             rate *= 0.01 ** ((progress - 1 + self.decay_fraction) / self.decay_fraction)
         return rate
+
+
+def read_train_config(path: Path) -> TrainConfig:
+    """Return the configuration in a JSON file: ``config.json`` of a run, or settings by name, others by default.
+
+    Raises:
+        ConfigError: the file cannot be read, or a value does not fit; the message names file and setting.
+    """
+    values = read_json(path)
+    if values.keys() == {"network", "training"}:
+        values = values["training"]
+    return from_json(TrainConfig, values, str(path))

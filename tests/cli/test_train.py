@@ -35,7 +35,7 @@ def test_training_leaves_weights_and_curves_and_goes_on(options: list[str], tmp_
     assert kept["training"]["batch"] == 2 and kept["training"]["data"]["crop_px"] == TINY_TRAINING.data.crop_px
     capsys.readouterr()
     assert main(["train", "fine", *options, *out]) == 2
-    assert "holds a run with another" in capsys.readouterr().err
+    assert "holds results of another configuration" in capsys.readouterr().err
 
 
 def test_training_refuses_what_contradicts_itself(options: list[str], tmp_path: Path, capsys) -> None:
@@ -46,7 +46,7 @@ def test_training_refuses_what_contradicts_itself(options: list[str], tmp_path: 
     assert "give minutes or steps" in capsys.readouterr().err
     (tmp_path / "bad.json").write_text('{"data": {"quries": 3}}')
     assert main(["train", "fine", "--steps", "1", *out, "--config", str(tmp_path / "bad.json")]) == 2
-    assert "data: quries. Settings:" in capsys.readouterr().err
+    assert "bad.json: data.quries is unknown, did you mean 'queries'?" in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
 
 

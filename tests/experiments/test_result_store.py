@@ -54,7 +54,7 @@ def test_a_line_of_a_version_without_modes_is_refused(tmp_path: Path) -> None:
     line = make_result().to_json()
     line.pop("mode")
     (tmp_path / "results.jsonl").write_text(json.dumps(line) + "\n")
-    with pytest.raises(OutputError, match=r"line 1, is not an episode of this version of simpick \('mode'\)"):
+    with pytest.raises(OutputError, match=r"line 1, is not an episode of this version of simpick \(mode is missing\)"):
         read_results(tmp_path / "results.jsonl")
 
 

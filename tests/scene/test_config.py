@@ -2,6 +2,7 @@ import json
 
 import pytest
 
+from simpick.config import from_json
 from simpick.errors import ConfigError, SceneError, UnknownNameError
 from simpick.scene import BinConfig, CameraConfig, PhysicsConfig, SceneConfig, build_scene
 
@@ -65,6 +66,6 @@ def test_a_negative_seed_is_refused():
 
 def test_a_configuration_survives_json():
     config = SceneConfig(("hex_nut", "hex_bolt"), 7, None, "suction", BinConfig(0.3, 0.2, 0.1), randomization="strong")
-    assert SceneConfig.from_dict(json.loads(json.dumps(config.to_dict()))) == config
-    with pytest.raises(ConfigError, match="not a scene configuration of this version of simpick"):
-        SceneConfig.from_dict({**config.to_dict(), "colour": "red"})
+    assert from_json(SceneConfig, json.loads(json.dumps(config.to_json())), complete=True) == config
+    with pytest.raises(ConfigError, match="colour is unknown, valid: parts, count"):
+        from_json(SceneConfig, {**config.to_json(), "colour": "red"})

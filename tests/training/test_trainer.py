@@ -14,7 +14,7 @@ from simpick.estimators.raypose.checkpoints import load_checkpoint
 from simpick.estimators.raypose.network.config import preset
 from simpick.estimators.raypose.network.losses import LossWeights
 from simpick.training import trainer
-from simpick.training.config import TrainConfig
+from simpick.training.config import TrainConfig, read_train_config
 from simpick.training.resources import Resources
 from simpick.training.trainer import Budget, train
 from tests.training.conftest import TINY, TINY_TRAINING
@@ -201,6 +201,27 @@ def test_settings_out_of_range_are_refused(change: dict, message: str) -> None:
     with pytest.raises(ConfigError) as caught:
         TrainConfig(**change)
     assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"window": 64.5}, "window must be an integer, got 64.5"),
+        ({"max_grad_norm": True}, "max_grad_norm must be a finite number, got True"),
+        ({"data": {"templates": {"size_px": 8}}}, "data.templates.size_px must be between 16 and 1024, got 8"),
+        ({"losses": {"mathcing": 1.0}}, "losses.mathcing is unknown, did you mean 'matching'?"),
+    ],
+)
+def test_a_file_of_settings_is_checked_before_training(values: dict, message: str, tmp_path: Path) -> None:
+    file = tmp_path / "settings.json"
+    file.write_text(json.dumps(values))
+    with pytest.raises(ConfigError) as caught:
+        read_train_config(file)
+    assert str(caught.value) == f"{file}: {message}"
+
+
+def test_the_configuration_of_a_run_is_read_back(straight: Path) -> None:
+    assert read_train_config(straight / "config.json") == TINY_TRAINING
 
 
 def test_a_weight_below_zero_is_refused() -> None:

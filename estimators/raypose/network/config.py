@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from annotated_types import Interval
 
@@ -108,29 +107,6 @@ class RayPoseConfig(Config):
     def is_fine(self) -> bool:
         """Return whether templates are drawn around a pose, instead of over the whole sphere."""
         return self.spread_deg < 180
-
-    def to_json(self) -> dict[str, Any]:
-        """Return plain values, for a checkpoint."""
-        return dataclasses.asdict(self)
-
-    @staticmethod
-    def from_json(values: dict[str, Any]) -> RayPoseConfig:
-        """Return the configuration of `to_json`'s values.
-
-        Raises:
-            ConfigError: a field is missing or unknown, or a value is out of range.
-        """
-        known = {field.name for field in dataclasses.fields(RayPoseConfig)}
-        if unknown := sorted(values.keys() - known):
-            raise ConfigError(f"unknown fields of a RayPose configuration: {', '.join(unknown)}")
-        if missing := sorted(known - values.keys()):
-            raise ConfigError(f"missing fields of a RayPose configuration: {', '.join(missing)}")
-        for field in dataclasses.fields(RayPoseConfig):
-            kind, value = type(field.default), values[field.name]
-            # Otherwise a switch of "false" would be on.
-            if type(value) is not kind and (kind, type(value)) != (float, int):
-                raise ConfigError(f"{field.name} must be of type {kind.__name__}, got {value!r}")
-        return RayPoseConfig(**values)
 
 
 PRESETS: dict[str, RayPoseConfig] = {

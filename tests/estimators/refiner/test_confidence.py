@@ -61,10 +61,10 @@ def test_the_shipped_model_trusts_a_good_fit_more():
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (None, "there is no file of the refiner's confidence"),
+        (None, "confidence.json must be a JSON file, cannot be read"),
         ('{"bias": 1.0, "wei', "cannot be read"),
-        ("[1, 2]", "must hold weights of log_score, margin, log_visible_px"),
-        ('{"bias": 0, "weights": {"margin": 1}, "good": {"mm": 5.0, "deg": 10.0}}', "got weights {'margin': 1}"),
+        ("[1, 2]", "must hold a JSON object, got"),
+        ('{"bias": 0, "weights": {"margin": 1}, "good": {"mm": 5.0, "deg": 10.0}}', "got weights {'margin': 1.0}"),
     ],
 )
 def test_a_file_that_holds_no_confidence_is_refused_with_what_to_do(tmp_path, text, said):
@@ -81,5 +81,5 @@ def test_values_of_another_kind_are_refused(tmp_path, key, value):
     file = tmp_path / "confidence.json"
     write_confidence(Confidence(-1.0, (2.0, 0.5, 0.1)), {}, file)
     file.write_text(json.dumps({**json.loads(file.read_text()), key: value}))
-    with pytest.raises(ConfigError, match=r"must be finite numbers, got|must hold weights of"):
+    with pytest.raises(ConfigError, match=r"bias must be a finite number, got|must hold weights of"):
         read_confidence(file)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import torch
 
+from simpick.config import from_json
 from simpick.errors import ConfigError, UnknownNameError
 from simpick.estimators.raypose.network.config import PRESETS, RayPoseConfig, preset
 from simpick.estimators.raypose.network.model import RayPose
@@ -89,7 +90,7 @@ def test_every_field_is_read_outside_the_configuration(name: str) -> None:
 
 def test_configurations_survive_json() -> None:
     for config in PRESETS.values():
-        assert RayPoseConfig.from_json(config.to_json()) == config
+        assert from_json(RayPoseConfig, config.to_json(), complete=True) == config
 
 
 def test_the_small_size_is_under_16_mib_in_half_precision() -> None:
