@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from gymnasium.utils import EzPickle
@@ -56,7 +56,7 @@ class BinPickEnv(BinEnv, EzPickle):
         self,
         parts: Sequence[str] = (),
         count: int = 12,
-        gripper: Literal["jaw", "suction"] = "jaw",
+        gripper: str = "jaw",
         randomization: str = "default",
         max_consecutive_failures: int = 2,
         max_picks: int | None = None,

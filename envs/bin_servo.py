@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from gymnasium.utils import EzPickle
@@ -23,7 +23,7 @@ from simpick.envs.servo_spaces import (
 )
 from simpick.errors import ConfigError, SimulationFaultError
 from simpick.geometry import transform
-from simpick.motion import GripperServo, Kinematics, MotionConfig, TwistServo
+from simpick.motion import Kinematics, MotionConfig, TwistServo
 from simpick.motion.monitor import Monitor
 from simpick.rendering.renderer import RenderQuality
 from simpick.rendering.scene_renderer import SceneRenderer
@@ -75,7 +75,7 @@ class BinServoEnv(BinEnv, EzPickle):
         self,
         parts: Sequence[str] = (),
         count: int = 12,
-        gripper: Literal["jaw", "suction"] = "jaw",
+        gripper: str = "jaw",
         randomization: str = "default",
         images: Sequence[str] = IMAGES,
         image_size: tuple[int, int] = (160, 120),
@@ -154,7 +154,7 @@ class BinServoEnv(BinEnv, EzPickle):
         self._steps = np.diff(np.linspace(0, total, PERIODS_A_TICK + 1).astype(int)).tolist()
         kinematics = Kinematics(self.robot, self._gripper.T_base_tcp)
         self._arm_servo = TwistServo(kinematics, self.robot.home_qpos, self._motion.joint_speed_rad_s, SERVO_WORKSPACE)
-        self._gripper_servo = GripperServo(self._gripper)
+        self._gripper_servo = self._gripper.servo()
         self._monitor = Monitor(scene, self._motion)
         self._ticks = 0
         self.timings_s = {"simulate": time.perf_counter() - start}
@@ -234,12 +234,9 @@ class BinServoEnv(BinEnv, EzPickle):
         observation["joint_velocities"] = np.clip(qd, -MAX_JOINT_SPEED_RAD_S, MAX_JOINT_SPEED_RAD_S).astype(np.float32)
         T_world_tcp = transform(data.site_xmat[self._tcp].reshape(3, 3), data.site_xpos[self._tcp])
         observation["T_world_tcp"] = T_world_tcp.astype(np.float32)
-        if self._gripper.kind == "jaw":
-            opening = np.clip(self._gripper.opening_m(scene.model, data), 0.0, self._gripper.max_opening_m)
-            observation["gripper_opening"] = np.array([opening], np.float32)
-        else:
-            sealed = bool(self._gripper.held_bodies(scene.model, data))
-            observation["suction_sealed"] = np.array([sealed], np.int8)
+        sensor = self._gripper.sensor
+        dtype = np.int8 if sensor.upper is None else np.float32
+        observation[sensor.key] = np.array([self._gripper.sense(scene.model, data)], dtype)
         observation["remaining"] = np.int64(len(scene.parts_in_bin()))
         return observation
 

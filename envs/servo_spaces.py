@@ -9,10 +9,10 @@ import numpy as np
 from gymnasium import spaces
 from jaxtyping import Float
 
-from simpick.assets.grippers import JAW_STROKE_M
+from simpick.assets.grippers import get_gripper
+from simpick.assets.grippers.servos import OPENING_SPEED_M_S
 from simpick.envs.spaces import FAR_M, ObservationItem, markdown_table
 from simpick.errors import ConfigError
-from simpick.motion.gripper_servo import JAW_SPEED_M_S
 from simpick.scene import SceneConfig
 from simpick.scene.config import MAX_PARTS, CameraConfig
 from simpick.scene.workspace import Box
@@ -33,7 +33,11 @@ MAX_JOINT_SPEED_RAD_S = 10.0
 ACTION_TABLE = (
     ("0-2", "linear velocity of the TCP along world x, y, z", f"{MAX_LINEAR_SPEED_M_S} m/s"),
     ("3-5", "angular velocity about world x, y, z, turning about the TCP", f"{MAX_ANGULAR_SPEED_RAD_S:.4f} rad/s"),
-    ("6", "gripper: positive closes or switches the vacuum on, negative opens or off, 0 holds", f"{JAW_SPEED_M_S} m/s"),
+    (
+        "6",
+        "gripper: > 0 closes or switches the vacuum on, < 0 opens or off, 0 holds",
+        f"{OPENING_SPEED_M_S} m/s",
+    ),
 )
 """Elements of an action, their meaning, and what 1 stands for. An action of zeros holds arm and gripper."""
 
@@ -83,14 +87,9 @@ def servo_observation_table(config: SceneConfig, images: Sequence[str]) -> tuple
         )
         for name in images
     ]
-    if config.gripper == "jaw":
-        gripper = ObservationItem(
-            "gripper_opening", "distance between the pads", "m", spaces.Box(0.0, JAW_STROKE_M, (1,), np.float32)
-        )
-    else:
-        gripper = ObservationItem(
-            "suction_sealed", "1 while the suction head holds something by vacuum", "", spaces.MultiBinary(1)
-        )
+    sensor = get_gripper(config.gripper).sensor
+    binary = sensor.upper is None
+    reading = spaces.MultiBinary(1) if binary else spaces.Box(0.0, sensor.upper, (1,), np.float32)
     return (
         *seen,
         ObservationItem(
@@ -105,7 +104,7 @@ def servo_observation_table(config: SceneConfig, images: Sequence[str]) -> tuple
         ObservationItem(
             "T_world_tcp", "pose of the tool's centre point", "m", spaces.Box(-FAR_M, FAR_M, (4, 4), np.float32)
         ),
-        gripper,
+        ObservationItem(sensor.key, sensor.meaning, sensor.unit, reading),
         ObservationItem("remaining", "parts still in the bin", "", spaces.Discrete(MAX_PARTS + 1)),
     )
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
@@ -66,12 +65,11 @@ class PoseEstimate:
 
 @dataclass(frozen=True, eq=False)
 class Grasp:
-    """A gripper placement on a part."""
+    """A placement of a gripper on a part."""
 
     T_part_tcp: Float[np.ndarray, "4 4"]
     width_m: float
-    """Opening between the jaw's pads before closing; 0 for suction."""
-    kind: Literal["jaw", "suction"]
+    """Extent of the part between a jaw's pads; 0 for grippers without an opening."""
     quality: float
     """In [0, 1]; higher is more robust."""
 

@@ -1,42 +1,79 @@
-"""`Gripper`: what motion, grasp filters and verification need to know about any gripper.
+"""`Gripper`: everything that simpick needs to know about a gripper. A new one implements it and gets a registry row.
 
-Frames: the gripper's *base* sits on the arm's flange with +z pointing away from the arm; the TCP frame (site
-``gripper/tcp``) has the same axes, shifted along +z, so +z approaches and the jaw closes along x. The TCP is rigid
+Frames: the gripper's *base* is mounted on the arm's flange with +z pointing away from the arm. The TCP frame (site
+``gripper/tcp``) has the same axes, shifted along +z: +z is the approach, and a jaw closes along x. The TCP is rigid
 with the base: neither finger motion nor the suction head's spring moves it.
 """
 
 from __future__ import annotations
 
-from typing import Literal, Protocol, TypeAlias, runtime_checkable
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol, TypeAlias, runtime_checkable
 
 import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from simpick.assets.grippers.hold_test import HoldTest
+from simpick.assets.part import Part
+from simpick.records import Grasp
+
+GRIPPER_PREFIX = "gripper/"
+"""Names of a gripper's bodies, geoms, joints and sites in a model begin with this; contacts are sorted by it."""
+
 GripperBoxes: TypeAlias = Float[np.ndarray, "boxes 2 3"]
-"""Lower and upper corners, in metres, of boxes aligned with the TCP frame that enclose the gripper's solids."""
+"""Lower and upper corners, in metres, of boxes aligned with the TCP frame."""
+
+
+@dataclass(frozen=True)
+class GripperSensor:
+    """What a gripper's own sensor measures: one row of the observation table of `BinServoEnv`."""
+
+    key: str
+    """Key in the observation."""
+    meaning: str
+    unit: str
+    upper: float | None
+    """Largest reading, the smallest being 0; None for a binary sensor."""
+
+
+@runtime_checkable
+class GraspSampling(Protocol):
+    """A method that samples grasps on a part's mesh: a frozen dataclass whose fields are its settings."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    def sample(self, part: Part) -> list[Grasp]:
+        """Return diverse grasps that no simulation has verified yet, best first. Deterministic."""
+        ...
+
+
+@runtime_checkable
+class GripperServo(Protocol):
+    """Opens, closes and holds one gripper by a commanded rate, as a teleoperator's trigger does."""
+
+    def command(self, model: mujoco.MjModel, data: mujoco.MjData, rate: float, period_s: float) -> None:
+        """Set the controls for one period of at most 20 ms; `rate` in [-1, 1]: > 0 closes, < 0 opens, 0 holds."""
+        ...
 
 
 @runtime_checkable
 class Gripper(Protocol):
-    """A gripper in a MuJoCo model: names, extent, and the commands that write its controls (or its contacts' adhesion).
+    """A kind of gripper: its model, extent, grasps, and the commands that write its controls.
 
-    Every method takes model and data, so that one frozen record serves any number of scenes.
+    Commands and readings take model and data: a gripper has no state, so that one serves any number of scenes.
     """
 
+    # -- the model ----------------------------------------------------------------------------------------------
+
     @property
-    def kind(self) -> Literal["jaw", "suction"]:
-        """Return which kind of `Grasp` this gripper executes."""
+    def name(self) -> str:
+        """Return the name in the registry."""
         ...
 
     @property
     def tcp_site(self) -> str:
         """Return the name of the TCP site."""
-        ...
-
-    @property
-    def actuators(self) -> tuple[str, ...]:
-        """Return the names of the actuators; none for suction."""
         ...
 
     @property
@@ -49,19 +86,51 @@ class Gripper(Protocol):
         """Return the TCP frame in the gripper's base (flange) frame."""
         ...
 
+    def add(self, spec: mujoco.MjSpec, parent: mujoco.MjsSite | mujoco.MjsBody) -> None:
+        """Add the gripper at `parent`: the flange's site, or any body for a floating gripper."""
+        ...
+
+    # -- grasps -------------------------------------------------------------------------------------------------
+
     @property
     def max_opening_m(self) -> float:
-        """Return the widest opening; 0 for suction."""
+        """Return the largest opening; 0 for a gripper that has none."""
         ...
 
     @property
     def press_m(self) -> float:
-        """Return how far past first contact the TCP should go to lay the suction face on; 0 for the jaw."""
+        """Return how far past first contact the TCP is pressed on; 0 for a gripper that closes around the part."""
+        ...
+
+    @property
+    def turn_symmetry(self) -> int:
+        """Return the order of rotational symmetry about the approach; 0 where any turn makes the same grasp."""
+        ...
+
+    @property
+    def sampling(self) -> GraspSampling:
+        """Return the method that samples grasps for this gripper."""
+        ...
+
+    @property
+    def hold_test(self) -> HoldTest:
+        """Return what a sampled grasp must endure in simulation."""
+        ...
+
+    @property
+    def loaded_acceleration(self) -> float:
+        """Return the arm's acceleration with a part in the gripper, as a fraction of that without, in (0, 1]."""
         ...
 
     def boxes(self, opening_m: float) -> GripperBoxes:
-        """Return boxes around the gripper's solids at this opening."""
+        """Return boxes that enclose the gripper's solids at this opening."""
         ...
+
+    def grip_boxes(self, opening_m: float) -> GripperBoxes:
+        """Return boxes around what the gripper would take along when it closes from this opening; may be empty."""
+        ...
+
+    # -- commands -----------------------------------------------------------------------------------------------
 
     def reset(self, model: mujoco.MjModel, data: mujoco.MjData, opening_m: float) -> None:
         """Set joints and controls to rest, released at this opening, at once (no simulation)."""
@@ -76,26 +145,39 @@ class Gripper(Protocol):
         ...
 
     def maintain(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Keep a commanded grip honest; call it at least every 20 ms: the vacuum follows the covered cells."""
+        """Update a commanded grip; called at least every 20 ms: the vacuum follows the covered cells."""
+        ...
+
+    def servo(self) -> GripperServo:
+        """Return a servo that starts from the released gripper."""
+        ...
+
+    # -- readings -----------------------------------------------------------------------------------------------
+
+    @property
+    def sensor(self) -> GripperSensor:
+        """Return what `sense` measures."""
+        ...
+
+    def sense(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:
+        """Return the sensor's reading; 0 or 1 for a binary sensor."""
         ...
 
     def opening_m(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:
-        """Return the distance between the pads now; 0 for suction."""
+        """Return the present opening; 0 for a gripper that has none."""
         ...
 
     def held_bodies(self, model: mujoco.MjModel, data: mujoco.MjData) -> tuple[int, ...]:
-        """Return ids of the bodies that the gripper holds now: between both pads, or under the vacuum."""
+        """Return ids of the movable bodies that the gripper holds now."""
+        ...
+
+    def empty_cause(self, model: mujoco.MjModel, data: mujoco.MjData) -> str:
+        """Return in words how the gripper closed without holding a part: the cause of a missed pick."""
         ...
 
 
-def gripper_geoms(model: mujoco.MjModel, prefix: str) -> np.ndarray:
-    """Return a mask over geom ids: those on bodies whose name starts with `prefix`."""
-    bodies = np.array([(model.body(k).name or "").startswith(prefix) for k in range(model.nbody)])
-    return bodies[model.geom_bodyid]
-
-
 def parent_body(spec: mujoco.MjSpec, parent: mujoco.MjsSite | mujoco.MjsBody, name: str) -> mujoco.MjsBody:
-    """Return a new body at `parent`: in a site's place and orientation, or at a body's origin."""
+    """Return a new body at `parent`: at a site's position and orientation, or at a body's origin."""
     if isinstance(parent, mujoco.MjsSite):
         body = parent.parent.add_body(name=name, pos=parent.pos)
         body.quat = parent.quat

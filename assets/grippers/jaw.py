@@ -7,36 +7,36 @@ servo's error. The pads are rubber: friction 1.1, and torsional friction that st
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
-
 import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from simpick.assets.grippers.base import GripperBoxes, gripper_geoms, parent_body
+from simpick.assets.contact_forces import normal_forces
+from simpick.assets.grippers.base import GRIPPER_PREFIX, GripperBoxes, GripperSensor, GripperServo, parent_body
+from simpick.assets.grippers.hold_test import HoldTest
+from simpick.assets.grippers.jaw_shape import (
+    CARRIAGE_HALF_M,
+    FINGER_LENGTH_M,
+    FINGER_THICKNESS_M,
+    JAW_STROKE_M,
+    JAW_TURN_SYMMETRY,
+    PAD_ABOVE_TCP_M,
+    PAD_WIDTH_M,
+    PALM_BOTTOM_M,
+    PALM_HALF_M,
+    RUBBER_M,
+    TCP_Z_M,
+    TIP_BEYOND_TCP_M,
+    jaw_boxes,
+)
+from simpick.assets.grippers.sampling.antipodal import AntipodalSampling
+from simpick.assets.grippers.servos import OpeningServo
 from simpick.assets.mjcf import VISUAL_GROUP
 from simpick.geometry.transforms import transform
 
-JAW_STROKE_M = 0.085
-"""Largest opening between the pads."""
 JAW_FORCE_N = 50.0
 """Force of each pad when closed on a part."""
-PAD_WIDTH_M = 0.020
-"""Extent of a pad along y, across the closing direction."""
-FINGER_THICKNESS_M = 0.0085
-"""Extent of a finger along x, rubber included."""
-TIP_BEYOND_TCP_M = 0.010
-"""How far the fingertips reach beyond the TCP along the approach."""
-PAD_ABOVE_TCP_M = 0.040
-"""How far the pads reach back from the TCP, against the approach."""
 
-_RUBBER_M = 0.002
-_PALM_BOTTOM_M = 0.085
-_FINGER_LENGTH_M = 0.140
-_TCP_Z_M = _PALM_BOTTOM_M + _FINGER_LENGTH_M - TIP_BEYOND_TCP_M
-_PALM_HALF_M = (0.062, 0.025, 0.032)
-_CARRIAGE_HALF_M = (0.010, 0.014, 0.008)
 _SERVO_STIFFNESS_N_PER_M = 20_000.0
 _SERVO_DAMPING_NS_PER_M = 40.0
 _SLIDE_DAMPING_NS_PER_M = 400.0
@@ -47,132 +47,133 @@ _FINGER_MASS_KG = 0.09
 _PALM_MASS_KG = 0.75
 
 
-@dataclass(frozen=True)
+_OPENING = f"{GRIPPER_PREFIX}opening"
+"""Name of the tendon whose length is the opening, and of its actuator, whose control is the commanded opening."""
+
+
 class JawGripper:
-    """Handle of a jaw in a model; see `Gripper` for the methods."""
+    """The parallel jaw. Implements `Gripper`."""
 
-    prefix: str = "gripper/"
-
-    kind: Literal["jaw"] = "jaw"
-    max_opening_m: float = JAW_STROKE_M
-    press_m: float = 0.0
-
-    @property
-    def tcp_site(self) -> str:
-        """Return the name of the TCP site."""
-        return f"{self.prefix}tcp"
-
-    @property
-    def actuators(self) -> tuple[str, ...]:
-        """Return the one actuator, whose control is the commanded opening in metres (negative: squeeze)."""
-        return (f"{self.prefix}opening",)
-
-    @property
-    def contact_geoms(self) -> tuple[str, ...]:
-        """Return the two pads."""
-        return (f"{self.prefix}left_pad", f"{self.prefix}right_pad")
+    name = "jaw"
+    tcp_site = f"{GRIPPER_PREFIX}tcp"
+    contact_geoms = (f"{GRIPPER_PREFIX}left_pad", f"{GRIPPER_PREFIX}right_pad")
+    max_opening_m = JAW_STROKE_M
+    press_m = 0.0
+    turn_symmetry = JAW_TURN_SYMMETRY
+    loaded_acceleration = 0.8
+    sampling = AntipodalSampling()
+    hold_test = HoldTest()
+    sensor = GripperSensor("gripper_opening", "distance between the pads", "m", JAW_STROKE_M)
 
     @property
     def T_base_tcp(self) -> Float[np.ndarray, "4 4"]:
         """Return the TCP frame in the base frame."""
-        return transform(translation=np.array([0.0, 0.0, _TCP_Z_M]))
+        return transform(translation=np.array([0.0, 0.0, TCP_Z_M]))
+
+    def add(self, spec: mujoco.MjSpec, parent: mujoco.MjsSite | mujoco.MjsBody) -> None:
+        """Add the jaw at `parent`, whose +z points away from the arm; the reference configuration is fully open."""
+        _add_model(spec, parent)
 
     def boxes(self, opening_m: float) -> GripperBoxes:
         """Return boxes of both fingers, the carriages and the palm at this opening."""
-        inner, outer = opening_m / 2, opening_m / 2 + FINGER_THICKNESS_M
-        half = PAD_WIDTH_M / 2
-        top = -(_FINGER_LENGTH_M - TIP_BEYOND_TCP_M)
-        carriage_inner, carriage_outer = inner - 0.002, inner - 0.002 + 2 * _CARRIAGE_HALF_M[0]
-        carriage_half, carriage_bottom = _CARRIAGE_HALF_M[1], top + 2 * _CARRIAGE_HALF_M[2]
-        palm_x, palm_y, _ = _PALM_HALF_M
-        return np.array(
-            [
-                [[-outer, -half, top], [-inner, half, TIP_BEYOND_TCP_M]],
-                [[inner, -half, top], [outer, half, TIP_BEYOND_TCP_M]],
-                [[-carriage_outer, -carriage_half, top], [-carriage_inner, carriage_half, carriage_bottom]],
-                [[carriage_inner, -carriage_half, top], [carriage_outer, carriage_half, carriage_bottom]],
-                [[-palm_x, -palm_y, -_TCP_Z_M], [palm_x, palm_y, top]],
-            ]
-        )
+        return jaw_boxes(opening_m)
+
+    def grip_boxes(self, opening_m: float) -> GripperBoxes:
+        """Return the space between the pads."""
+        x, y = opening_m / 2, PAD_WIDTH_M / 2
+        return np.array([[[-x, -y, -PAD_ABOVE_TCP_M], [x, y, TIP_BEYOND_TCP_M]]])
 
     def reset(self, model: mujoco.MjModel, data: mujoco.MjData, opening_m: float) -> None:
         """Put the fingers at this opening, at rest, and command it."""
         for side in ("left", "right"):
-            joint = model.joint(f"{self.prefix}{side}_slide")
+            joint = model.joint(f"{GRIPPER_PREFIX}{side}_slide")
             data.qpos[joint.qposadr[0]] = opening_m / 2
             data.qvel[joint.dofadr[0]] = 0.0
         self.release(model, data, opening_m)
 
     def release(self, model: mujoco.MjModel, data: mujoco.MjData, opening_m: float) -> None:
         """Command the jaw to this opening."""
-        data.ctrl[model.actuator(self.actuators[0]).id] = np.clip(opening_m, 0.0, JAW_STROKE_M)
+        data.ctrl[model.actuator(_OPENING).id] = np.clip(opening_m, 0.0, JAW_STROKE_M)
 
     def grip(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Command the jaw to close with its full force."""
         # Past closed by more than the servo needs to saturate, so that thin parts feel the full force too.
-        data.ctrl[model.actuator(self.actuators[0]).id] = -1.5 * JAW_FORCE_N / _SERVO_STIFFNESS_N_PER_M
+        data.ctrl[model.actuator(_OPENING).id] = -1.5 * JAW_FORCE_N / _SERVO_STIFFNESS_N_PER_M
 
     def maintain(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Do nothing: a worm gear keeps its force."""
 
+    def servo(self) -> GripperServo:
+        """Return a servo of the opening, which starts fully open."""
+        return OpeningServo(self)
+
+    def sense(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:
+        """Return the opening within the stroke."""
+        return float(np.clip(self.opening_m(model, data), 0.0, JAW_STROKE_M))
+
     def opening_m(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:
-        """Return the distance between the pads now."""
-        return float(data.ten_length[model.tendon(f"{self.prefix}opening").id])
+        """Return the distance between the pads."""
+        return float(data.ten_length[model.tendon(_OPENING).id])
 
     def held_bodies(self, model: mujoco.MjModel, data: mujoco.MjData) -> tuple[int, ...]:
-        """Return ids of the bodies outside the gripper that touch both pads, in rising order."""
-        ours = gripper_geoms(model, self.prefix)
-        touching = []
-        for name in self.contact_geoms:
-            pad = model.geom(name).id
-            pairs = data.contact.geom[: data.ncon]
-            hits = pairs[(pairs == pad).any(axis=1)]
-            others = hits[hits != pad]
-            touching.append({int(model.geom_bodyid[g]) for g in others if not ours[g]})
-        return tuple(sorted(touching[0] & touching[1]))
+        """Return the movable bodies between the pads, in rising order.
+
+        A body that presses on both pads is held; or else, where several lie in a row, those that press on either.
+        """
+        left, right = (self._pressing(model, data, name) for name in self.contact_geoms)
+        return tuple(sorted((left & right) or (left | right if left and right else ())))
+
+    def _pressing(self, model: mujoco.MjModel, data: mujoco.MjData, pad_name: str) -> set[int]:
+        """Return the movable bodies that press on a pad."""
+        pad, pairs = model.geom(pad_name).id, data.contact.geom
+        touching = np.flatnonzero((pairs == pad).any(axis=1))
+        touching = touching[normal_forces(data)[touching] > 0]
+        bodies = model.geom_bodyid[pairs[touching][pairs[touching] != pad]]
+        return {int(body) for body in bodies if model.body_weldid[body] != 0}
+
+    def empty_cause(self, model: mujoco.MjModel, data: mujoco.MjData) -> str:
+        """Return how far the fingers closed."""
+        opening_mm = 1000 * self.opening_m(model, data)
+        if opening_mm < 0.5:
+            return f"fingers closed to {max(opening_mm, 0.0):.1f} mm at stage grip: nothing between the pads"
+        return f"fingers stopped at {opening_mm:.1f} mm at stage grip, but no part lay between both pads"
 
 
-def add_jaw_gripper(
-    spec: mujoco.MjSpec, parent: mujoco.MjsSite | mujoco.MjsBody, prefix: str = "gripper/"
-) -> JawGripper:
-    """Add the jaw at `parent` (the flange's site, or any body for a floating one) and return its handle.
-
-    The parent's +z points away from the arm. At the model's reference configuration the jaw is fully open.
-    """
-    gripper = JawGripper(prefix)
-    base = parent_body(spec, parent, f"{prefix}base")
-    _add_palm(base, prefix)
+def _add_model(spec: mujoco.MjSpec, parent: mujoco.MjsSite | mujoco.MjsBody) -> None:
+    base = parent_body(spec, parent, f"{GRIPPER_PREFIX}base")
+    _add_palm(base)
     for side, sign in (("left", -1.0), ("right", 1.0)):
-        _add_finger(base, prefix, side, sign)
+        _add_finger(base, side, sign)
     # Neighbours slide on one another. (MuJoCo's own parent filter does not cover a gripper that is fixed to the world.)
     for one, other in (("left_finger", "right_finger"), ("base", "left_finger"), ("base", "right_finger")):
-        spec.add_exclude(bodyname1=f"{prefix}{one}", bodyname2=f"{prefix}{other}")
+        spec.add_exclude(bodyname1=f"{GRIPPER_PREFIX}{one}", bodyname2=f"{GRIPPER_PREFIX}{other}")
 
     # The gear that couples both fingers: a part off centre moves the part or the arm, never one finger alone.
-    gear = spec.add_equality(name=f"{prefix}gear", type=mujoco.mjtEq.mjEQ_JOINT, objtype=mujoco.mjtObj.mjOBJ_JOINT)
-    gear.name1, gear.name2 = f"{prefix}left_slide", f"{prefix}right_slide"
+    gear = spec.add_equality(
+        name=f"{GRIPPER_PREFIX}gear", type=mujoco.mjtEq.mjEQ_JOINT, objtype=mujoco.mjtObj.mjOBJ_JOINT
+    )
+    gear.name1, gear.name2 = f"{GRIPPER_PREFIX}left_slide", f"{GRIPPER_PREFIX}right_slide"
     gear.data[:5] = [0.0, 1.0, 0.0, 0.0, 0.0]
     gear.solref = [0.005, 1.0]
 
-    opening = spec.add_tendon(name=f"{prefix}opening")
-    opening.wrap_joint(f"{prefix}left_slide", 1.0)
-    opening.wrap_joint(f"{prefix}right_slide", 1.0)
-    servo = spec.add_actuator(name=f"{prefix}opening", trntype=mujoco.mjtTrn.mjTRN_TENDON, target=f"{prefix}opening")
+    opening = spec.add_tendon(name=_OPENING)
+    opening.wrap_joint(f"{GRIPPER_PREFIX}left_slide", 1.0)
+    opening.wrap_joint(f"{GRIPPER_PREFIX}right_slide", 1.0)
+    servo = spec.add_actuator(name=_OPENING, trntype=mujoco.mjtTrn.mjTRN_TENDON, target=_OPENING)
     servo.set_to_position(kp=_SERVO_STIFFNESS_N_PER_M, kv=_SERVO_DAMPING_NS_PER_M)
     servo.forcelimited = True
     servo.forcerange = [-JAW_FORCE_N, JAW_FORCE_N]
     servo.ctrllimited = True
     servo.ctrlrange = [-2 * JAW_FORCE_N / _SERVO_STIFFNESS_N_PER_M, JAW_STROKE_M]
-    return gripper
 
 
-def _add_palm(base: mujoco.MjsBody, prefix: str) -> None:
+def _add_palm(base: mujoco.MjsBody) -> None:
     shell = [0.16, 0.17, 0.18, 1.0]
     steel = [0.62, 0.63, 0.65, 1.0]
-    px, py, pz = _PALM_HALF_M
-    _solid(base, f"{prefix}palm", [px, py, pz], [0, 0, _PALM_BOTTOM_M - pz], shell, _PALM_MASS_KG * 0.8)
+    px, py, pz = PALM_HALF_M
+    _solid(base, f"{GRIPPER_PREFIX}palm", [px, py, pz], [0, 0, PALM_BOTTOM_M - pz], shell, _PALM_MASS_KG * 0.8)
     adapter = base.add_geom(
-        name=f"{prefix}adapter",
+        name=f"{GRIPPER_PREFIX}adapter",
         type=mujoco.mjtGeom.mjGEOM_CYLINDER,
         size=[0.034, 0.0105, 0],
         pos=[0, 0, 0.0105],
@@ -181,20 +182,20 @@ def _add_palm(base: mujoco.MjsBody, prefix: str) -> None:
     )
     adapter.mass = _PALM_MASS_KG * 0.2
     for name, size, pos, rgba in (
-        ("rail", [px - 0.004, 0.006, 0.002], [0, 0, _PALM_BOTTOM_M], steel),
+        ("rail", [px - 0.004, 0.006, 0.002], [0, 0, PALM_BOTTOM_M], steel),
         ("band", [px + 0.0005, py + 0.0005, 0.003], [0, 0, 0.034], [0.05, 0.35, 0.62, 1.0]),
     ):
-        _decoration(base, f"{prefix}{name}", size, pos, rgba)
-    base.add_site(name=f"{prefix}tcp", pos=[0, 0, _TCP_Z_M], size=[0.003, 0.003, 0.003], group=4)
+        _decoration(base, f"{GRIPPER_PREFIX}{name}", size, pos, rgba)
+    base.add_site(name=f"{GRIPPER_PREFIX}tcp", pos=[0, 0, TCP_Z_M], size=[0.003, 0.003, 0.003], group=4)
 
 
-def _add_finger(base: mujoco.MjsBody, prefix: str, side: str, sign: float) -> None:
+def _add_finger(base: mujoco.MjsBody, side: str, sign: float) -> None:
     # The body's origin is the pad's surface at the tip's height, drawn fully open.
     open_x = sign * JAW_STROKE_M / 2
-    tip_z = _TCP_Z_M + TIP_BEYOND_TCP_M
-    finger = base.add_body(name=f"{prefix}{side}_finger", pos=[open_x, 0, tip_z], gravcomp=1)
+    tip_z = TCP_Z_M + TIP_BEYOND_TCP_M
+    finger = base.add_body(name=f"{GRIPPER_PREFIX}{side}_finger", pos=[open_x, 0, tip_z], gravcomp=1)
     finger.add_joint(
-        name=f"{prefix}{side}_slide",
+        name=f"{GRIPPER_PREFIX}{side}_slide",
         type=mujoco.mjtJoint.mjJNT_SLIDE,
         axis=[sign, 0, 0],
         ref=JAW_STROKE_M / 2,
@@ -205,30 +206,30 @@ def _add_finger(base: mujoco.MjsBody, prefix: str, side: str, sign: float) -> No
         solref_limit=[0.005, 1.0],
     )
     metal = [0.55, 0.56, 0.58, 1.0]
-    bar = (FINGER_THICKNESS_M - _RUBBER_M) / 2
+    bar = (FINGER_THICKNESS_M - RUBBER_M) / 2
     _solid(
         finger,
-        f"{prefix}{side}_bar",
-        [bar, PAD_WIDTH_M / 2 - 0.001, _FINGER_LENGTH_M / 2],
-        [sign * (_RUBBER_M + bar), 0, -_FINGER_LENGTH_M / 2],
+        f"{GRIPPER_PREFIX}{side}_bar",
+        [bar, PAD_WIDTH_M / 2 - 0.001, FINGER_LENGTH_M / 2],
+        [sign * (RUBBER_M + bar), 0, -FINGER_LENGTH_M / 2],
         metal,
         _FINGER_MASS_KG * 0.7,
     )
-    cx, cy, cz = _CARRIAGE_HALF_M
+    cx, cy, cz = CARRIAGE_HALF_M
     _solid(
         finger,
-        f"{prefix}{side}_carriage",
+        f"{GRIPPER_PREFIX}{side}_carriage",
         [cx, cy, cz],
-        [sign * (cx - 0.002), 0, -_FINGER_LENGTH_M + cz],
+        [sign * (cx - 0.002), 0, -FINGER_LENGTH_M + cz],
         [0.3, 0.31, 0.33, 1.0],
         _FINGER_MASS_KG * 0.25,
     )
     pad_half = (TIP_BEYOND_TCP_M + PAD_ABOVE_TCP_M) / 2
     pad = _solid(
         finger,
-        f"{prefix}{side}_pad",
-        [_RUBBER_M / 2, PAD_WIDTH_M / 2, pad_half],
-        [sign * _RUBBER_M / 2, 0, -pad_half],
+        f"{GRIPPER_PREFIX}{side}_pad",
+        [RUBBER_M / 2, PAD_WIDTH_M / 2, pad_half],
+        [sign * RUBBER_M / 2, 0, -pad_half],
         [0.09, 0.09, 0.1, 1.0],
         _FINGER_MASS_KG * 0.05,
     )

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated
 
 import tyro
 
 from simpick.config import Config, PositiveInt
-
-Kind: TypeAlias = Literal["jaw", "suction"]
-_KINDS: tuple[Kind, ...] = ("jaw", "suction")
 
 
 @dataclass(frozen=True)
@@ -26,7 +23,7 @@ class GraspsShow:
         tyro.conf.arg(metavar="PART ...", help_behavior_hint="(default: the library)"),
     ] = ()
     """Part names or paths to mesh files."""
-    grippers: tuple[Kind, ...] = _KINDS
+    grippers: tuple[str, ...] = ("jaw", "suction")
     """Grippers to report."""
 
     def run(self) -> int:
@@ -36,14 +33,14 @@ class GraspsShow:
         from simpick.grasping.coverage import resting_coverage
         from simpick.terminal import Console, narrow_table
 
-        columns = [column for kind in self.grippers for column in (kind, "covered")]
+        columns = [column for gripper in self.grippers for column in (gripper, "covered")]
         title = "verified grasps; share of resting poses with two feasible ones"
         table = narrow_table("part", *columns, title=title)
         for name in self.parts or library_part_names():
             part = get_part(name)
             row = [part.name]
-            for kind in self.grippers:
-                row += [str(len(verified_grasps(part, kind))), f"{resting_coverage(part, kind):.0%}"]
+            for gripper in self.grippers:
+                row += [str(len(verified_grasps(part, gripper))), f"{resting_coverage(part, gripper):.0%}"]
             table.add_row(*row)
         Console().print(table)
         return 0
@@ -61,19 +58,20 @@ class GraspsBuild(Config):
 
     def run(self) -> int:
         """Write ``assets/grasps/*.npz``."""
+        from simpick.assets.grippers.registry import GRIPPERS
         from simpick.assets.library import library_part_names
         from simpick.terminal import Console
         from simpick.workers import UNLIMITED, WorkerPool
 
         console = Console()
-        jobs: list[tuple[str, Kind]] = [(name, kind) for name in library_part_names() for kind in _KINDS]
+        jobs = [(name, gripper) for name in library_part_names() for gripper in GRIPPERS]
         with WorkerPool(self.workers, UNLIMITED) as pool:
             for call in [pool.submit(_build, job) for job in jobs]:
                 console.print(call.result())
         return 0
 
 
-def _build(job: tuple[str, Kind]) -> str:
+def _build(job: tuple[str, str]) -> str:
     """Verify and write one part's grasps for one gripper; return a line about it."""
     import time
 
@@ -82,12 +80,12 @@ def _build(job: tuple[str, Kind]) -> str:
     from simpick.grasping.store import load_file, save_grasps, shipped_path
     from simpick.grasping.verification import verified
 
-    name, kind = job
-    part, path = get_part(name), shipped_path(name, kind)
-    kept = load_file(path, part, kind)
+    name, gripper = job
+    part, path = get_part(name), shipped_path(name, gripper)
+    kept = load_file(path, part, gripper)
     if kept is not None:
-        return f"{name} {kind}: {len(kept)} grasps, kept"
+        return f"{name} {gripper}: {len(kept)} grasps, kept"
     start = time.perf_counter()
-    grasps = verified(part, candidate_grasps(part, kind))
-    save_grasps(path, part, kind, grasps)
-    return f"{name} {kind}: {len(grasps)} grasps in {time.perf_counter() - start:.1f} s"
+    grasps = verified(part, candidate_grasps(part, gripper), gripper)
+    save_grasps(path, part, gripper, grasps)
+    return f"{name} {gripper}: {len(grasps)} grasps in {time.perf_counter() - start:.1f} s"

@@ -33,8 +33,8 @@ class CellConfig(Config):
     """Part names or mesh files that bins are filled from; a single one makes homogeneous bins."""
     count: int = 12
     """Parts per bin, 1 to 50."""
-    gripper: Literal["jaw", "suction"] = "jaw"
-    """Gripper on the arm."""
+    gripper: str = "jaw"
+    """Gripper on the arm: jaw, suction, or one that another package adds."""
     robot: str = "ur5e"
     """Arm: ur5e."""
     bin_mm: tuple[_SideMm, _SideMm, _SideMm] = (400.0, 300.0, 120.0)

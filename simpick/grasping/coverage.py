@@ -8,17 +8,16 @@ import trimesh
 from simpick.assets.part import Part
 from simpick.geometry.transforms import transform
 from simpick.grasping.planner import GraspPlanner, PlannerConfig
-from simpick.grasping.store import Kind
 from simpick.scene.config import BinConfig
 from simpick.scene.workspace import BIN_CENTRE_M
 
 
-def resting_coverage(part: Part, kind: Kind, least: int = 2) -> float:
+def resting_coverage(part: Part, gripper: str, least: int = 2) -> float:
     """Return the probability that `part`, thrown onto the bin's empty floor, offers `least` feasible grasps.
 
     Poses and their probabilities are those of the convex hull thrown at random (Goldberg 1999).
     """
-    planner = GraspPlanner(kind, BinConfig(), PlannerConfig(grasps_per_target=least, tries_per_target=2000))
+    planner = GraspPlanner(gripper, BinConfig(), PlannerConfig(grasps_per_target=least, tries_per_target=2000))
     Ts, shares = trimesh.poses.compute_stable_poses(part.mesh, sigma=0.0, n_samples=1, threshold=0.005)
     T_world_floor = transform(translation=np.array(BIN_CENTRE_M))
     covered = sum(

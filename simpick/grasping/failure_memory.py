@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
+from simpick.assets.grippers.sampling.selection import HALF_TURN_Z, pose_distance
 from simpick.assets.part import Part
 from simpick.geometry.transforms import transform_points
-from simpick.grasping.selection import HALF_TURN_Z, pose_distance
 
 _SAME_PLACE_M = (0.006, 0.015)
 _SAME_PLACE_SHARE = 0.3

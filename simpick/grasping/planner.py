@@ -11,17 +11,14 @@ import trimesh
 from annotated_types import Interval, MinLen
 from jaxtyping import Float
 
-from simpick.assets.grippers import Gripper, JawGripper, SuctionGripper
-from simpick.assets.grippers.jaw import PAD_ABOVE_TCP_M, PAD_WIDTH_M, TIP_BEYOND_TCP_M
+from simpick.assets.grippers import get_gripper
+from simpick.assets.grippers.sampling.boxes import box_surface_points, points_in_boxes, swept_back
 from simpick.assets.part import Part
 from simpick.config import Config, NonNegativeFloat, PositiveFloat, PositiveInt
-from simpick.errors import ConfigError
 from simpick.geometry.transforms import transform_points
-from simpick.grasping.boxes import box_surface_points, points_in_boxes, swept_back
 from simpick.grasping.exposure import exposures
 from simpick.grasping.failure_memory import FailureMemory
-from simpick.grasping.part_grasps import jaw_grasps, suction_grasps
-from simpick.grasping.store import Kind
+from simpick.grasping.part_grasps import symmetric_grasps
 from simpick.records import Grasp
 from simpick.scene.config import BinConfig
 from simpick.scene.workspace import bin_interior
@@ -70,7 +67,7 @@ class WorldGrasp:
     target: int
     """Index of the part among those given to `GraspPlanner.plan`."""
     opening_m: float
-    """Opening of the jaw on the way in; 0 for suction."""
+    """Opening on the way in; 0 for grippers without one."""
     quality: float
     """What the list is ordered by, in [0, 1]."""
     exposure: float
@@ -80,11 +77,8 @@ class WorldGrasp:
 class GraspPlanner:
     """Filters and ranks grasps of one gripper in one bin. Holds the parts' grasps and surface points."""
 
-    def __init__(self, kind: Kind, bin: BinConfig, config: PlannerConfig | None = None) -> None:
-        if kind not in ("jaw", "suction"):
-            raise ConfigError(f"gripper must be 'jaw' or 'suction', got {kind!r}")
-        self.kind, self.config = kind, config or PlannerConfig()
-        self.gripper: Gripper = JawGripper() if kind == "jaw" else SuctionGripper()
+    def __init__(self, gripper: str, bin: BinConfig, config: PlannerConfig | None = None) -> None:
+        self.gripper, self.config = get_gripper(gripper), config or PlannerConfig()
         interior = bin_interior(bin)
         self._lower, self._upper = np.array(interior.lower_m), np.array(interior.upper_m)
         self._grasps: dict[str, tuple[list[Grasp], Float[np.ndarray, "n 4 4"]]] = {}
@@ -93,7 +87,7 @@ class GraspPlanner:
     def prepare(self, part: Part) -> None:
         """Load (or sample, verify and store) the part's grasps; `plan` does it where this has not been done."""
         if part.content_hash not in self._grasps:
-            grasps = jaw_grasps(part) if self.kind == "jaw" else suction_grasps(part)
+            grasps = symmetric_grasps(part, self.gripper.name)
             Ts = np.stack([g.T_part_tcp for g in grasps]) if grasps else np.zeros((0, 4, 4))
             self._grasps[part.content_hash] = grasps, Ts
             points = trimesh.sample.sample_surface(part.mesh, _SURFACE_POINTS, seed=0)[0]
@@ -151,10 +145,11 @@ class GraspPlanner:
         usable = np.flatnonzero(descent > np.cos(np.radians(config.largest_tilt_deg)))
         order = usable[np.argsort(-scores[usable], kind="stable")][: config.tries_per_target]
         near = others[np.linalg.norm(others - T_world_part[:3, 3], axis=-1) < 0.3]
+        clearances = config.side_clearances_m if self.gripper.max_opening_m > 0 else (0.0,)
         free: list[WorldGrasp] = []
         brushing: list[WorldGrasp] = []
         for index in order:
-            for choice, clearance in enumerate(config.side_clearances_m if self.kind == "jaw" else (0.0,)):
+            for choice, clearance in enumerate(clearances):
                 opening = min(grasps[index].width_m + 2 * clearance, self.gripper.max_opening_m)
                 T_world_tcp, back_m = self._off_the_floor(Ts_world_tcp[index], opening)
                 if back_m > config.most_back_off_m or not self._clears_bin(T_world_tcp, opening):
@@ -179,9 +174,9 @@ class GraspPlanner:
     ) -> tuple[Float[np.ndarray, "4 4"], float]:
         """Return the grasp drawn back along its approach until the fingertips clear the floor, and by how much (m).
 
-        A suction face that would lie lower than the floor is left where it is, for `_clears_bin` to refuse.
+        A gripper that is pressed on stays where it is: `_clears_bin` refuses a grasp below the floor.
         """
-        if self.kind == "suction":
+        if self.gripper.press_m > 0:
             return T_world_tcp, 0.0
         lowest_m = float(transform_points(T_world_tcp, box_surface_points(self.gripper.boxes(opening_m)))[:, 2].min())
         missing_m = max(0.0, self.config.floor_clearance_m + 1e-6 - lowest_m)
@@ -212,7 +207,7 @@ class GraspPlanner:
     ) -> int:
         """Return how many points on other parts lie in the way of the open gripper and its straight approach.
 
-        Points between the jaw's pads count as one too many: what lies there would be carried along.
+        A point that the closing gripper would take along counts as one too many.
         """
         config = self.config
         boxes = self.gripper.boxes(opening_m)
@@ -222,9 +217,6 @@ class GraspPlanner:
         beside = np.abs(points[:, :2]).max(axis=1) < widest + config.part_clearance_m
         points = points[(points[:, 2] < lowest) & beside]
         touched = int(points_in_boxes(points, swept_back(boxes, config.approach_m), config.part_clearance_m).sum())
-        if self.kind == "jaw":
-            lower = [-opening_m / 2, -PAD_WIDTH_M / 2, -PAD_ABOVE_TCP_M]
-            upper = [opening_m / 2, PAD_WIDTH_M / 2, TIP_BEYOND_TCP_M]
-            if points_in_boxes(points, np.array([[lower, upper]])).any():
-                return config.most_points_touched + 1
+        if points_in_boxes(points, self.gripper.grip_boxes(opening_m)).any():
+            return config.most_points_touched + 1
         return touched

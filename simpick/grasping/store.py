@@ -4,35 +4,30 @@ from __future__ import annotations
 
 from dataclasses import astuple
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
 import simpick.assets
-from simpick.assets.grippers import JawGripper, SuctionGripper
+from simpick.assets.grippers import get_gripper
 from simpick.assets.part import Part
 from simpick.caching import atomic_path, cache_dir, cache_key, read_npz
 from simpick.geometry.transforms import matrix_from_quaternion, quaternion_from_matrix, transform
-from simpick.grasping.antipodal import AntipodalConfig
-from simpick.grasping.suction_sampling import SuctionConfig
-from simpick.grasping.verification import SUCTION_VERIFICATION, VerificationConfig
 from simpick.records import Grasp
 
 GRASP_VERSION = 1
 """Raise it when grippers, sampling or verification change such that stored grasps no longer hold."""
 
-Kind = Literal["jaw", "suction"]
+_RECIPE_OPENING_M = 0.04
 _FIELDS = {"recipe", "signature", "position_m", "quaternion", "width_m", "quality"}
 
 
-def recipe(kind: Kind) -> str:
+def recipe(gripper_name: str) -> str:
     """Return a key of everything but the part that verified grasps depend on."""
-    if kind == "jaw":
-        terms = (JawGripper().boxes(0.04), astuple(AntipodalConfig()), astuple(VerificationConfig()))
-    else:
-        terms = (SuctionGripper().boxes(0.0), astuple(SuctionConfig()), astuple(SUCTION_VERIFICATION))
-    return cache_key(GRASP_VERSION, kind, np.round(terms[0], 6).tobytes(), repr(terms[1:]))
+    gripper = get_gripper(gripper_name)
+    boxes = gripper.boxes(min(_RECIPE_OPENING_M, gripper.max_opening_m))
+    settings = (astuple(gripper.sampling), astuple(gripper.hold_test))
+    return cache_key(GRASP_VERSION, gripper_name, np.round(boxes, 6).tobytes(), repr(settings))
 
 
 def shape_signature(part: Part) -> Float[np.ndarray, "13"]:
@@ -46,27 +41,27 @@ def shape_signature(part: Part) -> Float[np.ndarray, "13"]:
     return np.concatenate([part.extents_m * 1e3, [part.mass_kg * 1e3], centre, inertia])
 
 
-def shipped_path(part_name: str, kind: Kind) -> Path:
+def shipped_path(part_name: str, gripper: str) -> Path:
     """Return the file that ships with the package for a library part of this name, whether or not it exists."""
-    return Path(simpick.assets.__path__[0]) / "grasps" / f"{part_name}_{kind}.npz"
+    return Path(simpick.assets.__path__[0]) / "grasps" / f"{part_name}_{gripper}.npz"
 
 
-def cached_path(part: Part, kind: Kind) -> Path:
+def cached_path(part: Part, gripper: str) -> Path:
     """Return the cache's file for this part."""
-    return cache_dir() / "grasps" / f"{part.content_hash}-{recipe(kind)}.npz"
+    return cache_dir() / "grasps" / f"{part.content_hash}-{recipe(gripper)}.npz"
 
 
-def load_grasps(part: Part, kind: Kind) -> list[Grasp] | None:
+def load_grasps(part: Part, gripper: str) -> list[Grasp] | None:
     """Return the stored grasps of `part`, or None if there are none that fit it."""
-    shipped = load_file(shipped_path(part.name, kind), part, kind)
-    return shipped if shipped is not None else load_file(cached_path(part, kind), part, kind)
+    shipped = load_file(shipped_path(part.name, gripper), part, gripper)
+    return shipped if shipped is not None else load_file(cached_path(part, gripper), part, gripper)
 
 
-def save_grasps(path: Path, part: Part, kind: Kind, grasps: list[Grasp]) -> None:
+def save_grasps(path: Path, part: Part, gripper: str, grasps: list[Grasp]) -> None:
     """Write grasps to `path` in one step. Raises `OutputError` where that folder cannot be written."""
     Ts = np.stack([g.T_part_tcp for g in grasps]) if grasps else np.zeros((0, 4, 4))
     content = {
-        "recipe": np.array(recipe(kind)),
+        "recipe": np.array(recipe(gripper)),
         "signature": shape_signature(part),
         "position_m": Ts[:, :3, 3].astype(np.float32),
         "quaternion": quaternion_from_matrix(Ts[:, :3, :3]).astype(np.float32),
@@ -77,14 +72,14 @@ def save_grasps(path: Path, part: Part, kind: Kind, grasps: list[Grasp]) -> None
         np.savez_compressed(temporary, **content)
 
 
-def load_file(path: Path, part: Part, kind: Kind) -> list[Grasp] | None:
+def load_file(path: Path, part: Part, gripper: str) -> list[Grasp] | None:
     """Return a file's grasps, or None if it is missing, damaged, of another recipe or of another shape."""
     file = read_npz(path)
-    if file is None or not file.keys() >= _FIELDS or str(file["recipe"]) != recipe(kind):
+    if file is None or not file.keys() >= _FIELDS or str(file["recipe"]) != recipe(gripper):
         return None
     signature = shape_signature(part)
     if not (np.abs(file["signature"] - signature) < 1e-3 * np.abs(signature) + 0.01).all():
         return None
     Ts = transform(matrix_from_quaternion(file["quaternion"]), np.asarray(file["position_m"], float))
     rows = zip(Ts, file["width_m"], file["quality"], strict=True)
-    return [Grasp(T, float(width), kind, float(quality)) for T, width, quality in rows]
+    return [Grasp(T, float(width), float(quality)) for T, width, quality in rows]

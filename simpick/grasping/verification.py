@@ -9,16 +9,15 @@ are the contacts that hold, for pads and cells have priority over whatever a par
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from simpick.assets.grippers import Gripper, add_jaw_gripper, add_suction_gripper
+from simpick.assets.grippers import Gripper, get_gripper
 from simpick.assets.mjcf import add_part
 from simpick.assets.part import Part
-from simpick.errors import ConfigError
 from simpick.geometry.transforms import (
     invert,
     matrix_from_quaternion,
@@ -33,57 +32,17 @@ from simpick.scene.physics import PhysicsConfig, apply_physics
 _GRAVITY = 9.81
 
 
-@dataclass(frozen=True)
-class VerificationConfig:
-    """What a grasp must endure."""
-
-    close_s: float = 0.22
-    """Longest time to close and come to rest."""
-    lift_s: float = 0.10
-    """Lifting: gravity plus `lift_g` of acceleration."""
-    lift_g: float = 0.4
-    """Upward acceleration while lifting, in multiples of g."""
-    shake_s: float = 0.24
-    """Shaking sideways along x, then along y."""
-    shake_g: float = 0.5
-    """Amplitude of the shaking, in multiples of g."""
-    shake_hz: float = 8.0
-    """Frequency of the shaking."""
-    tilt_s: float = 0.32
-    """Tilting about x, then about y, to both sides."""
-    tilt_deg: float = 50.0
-    """Largest tilt: world grasps approach up to this far from the vertical."""
-    slip_limit_m: float = 0.003
-    """Largest motion of the part in the hand, at its centre of mass, after closing."""
-    turn_limit_deg: float = 6.0
-    """Largest turn of the part in the hand after closing."""
-    settle_limit_m: float = 0.008
-    """Largest motion of the part while the gripper closes."""
-    settle_limit_deg: float = 20.0
-    """Largest turn of the part while the gripper closes."""
-    disturbance_m: float = 0.0015
-    """A second trial displaces the grasp by this much, as an inexact pose would."""
-    disturbance_deg: float = 3.0
-    """And turns it by this much."""
-
-
-SUCTION_VERIFICATION = VerificationConfig(tilt_deg=40.0, slip_limit_m=0.015, turn_limit_deg=30.0)
-"""Foam lets a part swing and tilt: only losing it is failing."""
-
-
 class GraspBench:
     """A floating gripper and one part; `holds` runs one grasp."""
 
-    def __init__(self, part: Part, kind: str, config: VerificationConfig | None = None) -> None:
-        if kind not in ("jaw", "suction"):
-            raise ConfigError(f"grasp kind must be 'jaw' or 'suction', got {kind!r}")
+    def __init__(self, part: Part, gripper: str) -> None:
         self.part = part
-        self.config = config or (VerificationConfig() if kind == "jaw" else SUCTION_VERIFICATION)
+        self.gripper = get_gripper(gripper)
+        self.config = self.gripper.hold_test
         spec = mujoco.MjSpec()
         apply_physics(spec, PhysicsConfig(sleep=False))
         mount = spec.worldbody.add_body(name="mount", quat=[0.0, 1.0, 0.0, 0.0])
-        add = add_jaw_gripper if kind == "jaw" else add_suction_gripper
-        self.gripper: Gripper = add(spec, mount)
+        self.gripper.add(spec, mount)
         add_part(spec, part, "part")
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
@@ -177,7 +136,7 @@ class GraspBench:
         return float(np.linalg.norm(here - there)), float(turn)
 
 
-def verified(part: Part, grasps: Sequence[Grasp], config: VerificationConfig | None = None) -> list[Grasp]:
+def verified(part: Part, grasps: Sequence[Grasp], gripper: str) -> list[Grasp]:
     """Return the grasps that hold, best first; quality = sampled quality x stillness, less where an offset loses it.
 
     Deterministic. A grasp that holds as planned but not when displaced by the config's disturbance keeps half of
@@ -185,26 +144,27 @@ def verified(part: Part, grasps: Sequence[Grasp], config: VerificationConfig | N
     """
     if not grasps:
         return []
-    bench = GraspBench(part, grasps[0].kind, config)
+    bench = GraspBench(part, gripper)
     kept = []
     for number, grasp in enumerate(grasps):
         still = bench.holds(grasp)
         if still == 0.0:
             continue
-        sturdy = bench.holds(_disturbed(grasp, bench.config, np.random.default_rng(number)))
+        sturdy = bench.holds(_disturbed(grasp, bench.gripper, np.random.default_rng(number)))
         factor = 0.5 + 0.25 * still + 0.25 * sturdy if sturdy > 0 else 0.5 * still
         kept.append(replace(grasp, quality=float(grasp.quality * factor)))
     return sorted(kept, key=lambda g: -g.quality)
 
 
-def _disturbed(grasp: Grasp, config: VerificationConfig, rng: np.random.Generator) -> Grasp:
+def _disturbed(grasp: Grasp, gripper: Gripper, rng: np.random.Generator) -> Grasp:
     """Return the grasp as an inexact pose estimate would place it."""
+    test = gripper.hold_test
     axis = rng.normal(size=3)
     offset = rng.normal(size=3)
-    if grasp.kind == "suction":
-        # The head is pressed on, so an error along the approach is taken up; across it is not.
+    if gripper.press_m > 0:
+        # A head that is pressed on takes up an error along the approach, but none across it.
         offset[2] = 0.0
-    rotation = so3_exp(np.radians(config.disturbance_deg) * axis / np.linalg.norm(axis))
-    shift = config.disturbance_m * offset / np.linalg.norm(offset)
-    width = grasp.width_m + (2 * config.disturbance_m if grasp.kind == "jaw" else 0.0)
-    return Grasp(grasp.T_part_tcp @ transform(rotation, shift), width, grasp.kind, grasp.quality)
+    rotation = so3_exp(np.radians(test.disturbance_deg) * axis / np.linalg.norm(axis))
+    shift = test.disturbance_m * offset / np.linalg.norm(offset)
+    width = grasp.width_m + (2 * test.disturbance_m if gripper.max_opening_m > 0 else 0.0)
+    return Grasp(grasp.T_part_tcp @ transform(rotation, shift), width, grasp.quality)

@@ -1,6 +1,5 @@
 from .config import MotionConfig as MotionConfig
 from .executor import PickExecutor as PickExecutor
-from .gripper_servo import GripperServo as GripperServo
 from .kinematics import Kinematics as Kinematics
 from .planner import NoPlan as NoPlan
 from .planner import PickPlan as PickPlan

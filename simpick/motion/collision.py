@@ -8,10 +8,11 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from simpick.assets.grippers import get_gripper
 from simpick.assets.robots.registry import Robot
 from simpick.scene.composition import compose_settling
 from simpick.scene.config import SceneConfig
-from simpick.scene.robot import ARM_PREFIX, gripper_handle, mount_robot
+from simpick.scene.robot import ARM_PREFIX, mount_robot
 
 ALLOWED_OVERLAP_M = 0.0005
 """A plan may graze by this much, no more: the arm is stiff, and a millimetre of wall is a collision."""
@@ -31,7 +32,7 @@ class CellCollision:
         self.model = spec.compile()
         self.model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
         self._data = mujoco.MjData(self.model)
-        self._gripper = gripper_handle(config)
+        self._gripper = get_gripper(config.gripper)
         self._adr = np.array([self.model.joint(ARM_PREFIX + name).qposadr[0] for name in robot.joint_names])
 
     def set_opening(self, opening_m: float) -> None:

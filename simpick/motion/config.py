@@ -21,11 +21,6 @@ class MotionConfig(Config):
     """Limit of every joint's acceleration."""
     tcp_speed_m_s: PositiveFloat = 0.5
     """Limit of the TCP's speed on straight lines."""
-    jaw_loaded_fraction: Annotated[float, Interval(gt=0, le=1)] = 0.8
-    """Acceleration with a part between the jaw's pads, as a fraction of the acceleration without."""
-    suction_loaded_fraction: Annotated[float, Interval(gt=0, le=1)] = 0.4
-    """The same for a part under the suction head: at 0.8, four of 29 parts peeled off on the way to the chute, at 0.4
-    none of 24."""
     control_period_s: PositiveFloat = 0.01
     """Time between two commands to the servos, each followed by a look at contacts."""
     approach_m: PositiveFloat = 0.08
@@ -48,7 +43,7 @@ class MotionConfig(Config):
     """A second look may move the grasp by this much at most, else the first stands."""
     look_limit_rad: PositiveFloat = np.deg2rad(40.0)
     """A second look may turn the grasp by this much at most, else the first stands."""
-    suction_search_m: PositiveFloat = 0.008
-    """How far beyond the commanded pose the suction head looks for the surface."""
+    search_m: PositiveFloat = 0.008
+    """How far beyond the commanded pose a gripper that is pressed on searches for the surface."""
     settle_s: PositiveFloat = 1.5
     """Longest wait for parts to come to rest after a pick; not counted as motion."""

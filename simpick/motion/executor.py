@@ -1,4 +1,4 @@
-"""`PickExecutor`: carries out one pick in the simulator and tells what happened, and why.
+"""`PickExecutor`: carries out one pick in the simulator and reports what happened, and why.
 
 Home, over the bin, down, grip, lift, over the chute, release, home. The arm sees nothing: it goes where it is told,
 feels forces and lags, and stops where it is blocked. What became of the parts is read from the simulation afterwards.
@@ -78,7 +78,7 @@ class PickExecutor:
     # -- the pick -----------------------------------------------------------------------------------------------
 
     def execute(self, T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float) -> PickResult:
-        """Pick with the TCP at `T_world_tcp` and the jaw opened to `opening_m` beforehand (ignored by suction).
+        """Pick with the TCP at `T_world_tcp` and the gripper opened to `opening_m` beforehand.
 
         Parts that reach the chute, or that stay stuck on the gripper, are removed from the scene. Never raises for
         what happens in the simulation: a diverged one ends as `PickOutcome.SIMULATION_FAULT`.
@@ -138,7 +138,7 @@ class PickExecutor:
             evidence.collision = f"at stage {evidence.stages[-1]}, {blocked.cause}"
         evidence.gripped = self._monitor.held()
         if not evidence.gripped and evidence.collision is None:
-            evidence.nothing_gripped = self._empty_grip()
+            evidence.nothing_gripped = self._gripper.empty_cause(self.scene.model, self.scene.data)
         if evidence.gripped:
             self._deliver()
         else:
@@ -169,8 +169,7 @@ class PickExecutor:
     def _deliver(self) -> None:
         evidence = self._evidence
         self._stage("lift")
-        jaw = self._gripper.kind == "jaw"
-        fraction = self.config.jaw_loaded_fraction if jaw else self.config.suction_loaded_fraction
+        fraction = self._gripper.loaded_acceleration
         lift = self.planner.lift(self._q, fraction=fraction)
         blocked = self._run(lift, carrying=True) if lift is not None else None
         if blocked is not None:
@@ -248,15 +247,6 @@ class PickExecutor:
             seated = seated + 1 if self._monitor.held() else 0
         self._dwell(0.05)
         return None
-
-    def _empty_grip(self) -> str:
-        """Return in words how the gripper found nothing."""
-        if self._gripper.kind == "suction":
-            return "the suction face found no surface to hold at stage grip"
-        opening_mm = 1000 * self._gripper.opening_m(self.scene.model, self.scene.data)
-        if opening_mm < 0.5:
-            return f"fingers closed to {max(opening_mm, 0.0):.1f} mm at stage grip: nothing between the pads"
-        return f"fingers stopped at {opening_mm:.1f} mm at stage grip, but no part lay between both pads"
 
     def _near(self, plan: PickPlan) -> bool:
         """Return whether the TCP stands close enough to the grasp to try it although the approach was blocked."""

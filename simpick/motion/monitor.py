@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
+from simpick.assets.contact_forces import normal_forces
 from simpick.motion.collision import describe_geom
 from simpick.motion.config import MotionConfig
 from simpick.scene import ContactGroup, Scene
-from simpick.scene.contacts import normal_forces
 
 _LOST_TICKS = 4
 
@@ -38,20 +38,18 @@ class Monitor:
         self._is_pad[self._pads] = True
         self._instance_of_body = {i.body_id: i.instance for i in scene.instances}
         self.peak_force_n = 0.0
-        """Largest sum of normal forces on any one of the jaw's pads or the suction face's cells, so far."""
+        """Largest sum of normal forces on any one of the gripper's contact geoms, so far."""
         self.fixed_force_n = 0.0
         """Largest normal force between the robot and what never moves, now."""
         self.part_force_n = 0.0
         """Largest normal force between the robot and any part, now."""
         self._fixed_pair = (0, 0)
-        self._on_pads: tuple[frozenset[int], ...] = (frozenset(),) * len(self._pads)
         self._without = 0
 
     def look(self) -> None:
         """Read the contacts of the last simulation step."""
         data = self._scene.data
         self.fixed_force_n = self.part_force_n = 0.0
-        self._on_pads = (frozenset(),) * len(self._pads)
         if data.ncon == 0:
             return
         geoms = data.contact.geom
@@ -69,17 +67,9 @@ class Monitor:
         self.part_force_n = float(forces[on_part].max(initial=0.0))
         on_pad = self._is_pad[pairs].any(axis=1)
         if on_pad.any():
-            self._feel(pairs[on_pad], forces[on_pad])
-
-    def _feel(self, pairs: Int[np.ndarray, "contacts 2"], forces: Float[np.ndarray, "contacts"]) -> None:
-        """Note which parts press on each pad, and how hard."""
-        touched = []
-        for pad in self._pads:
-            on = (pairs == pad).any(axis=1) & (forces > 0)
-            self.peak_force_n = max(self.peak_force_n, float(forces[on].sum()))
-            instances = self._scene.instance_of_geom[pairs[on]]
-            touched.append(frozenset(int(k) for k in instances[instances >= 0]))
-        self._on_pads = tuple(touched)
+            for pad in self._pads:
+                pressing = (pairs == pad).any(axis=1) & (forces > 0)
+                self.peak_force_n = max(self.peak_force_n, float(forces[pressing].sum()))
 
     def obstruction(self, q: np.ndarray, q_commanded: np.ndarray, holding: bool) -> Obstruction | None:
         """Return what stops the arm now, or None; while `holding`, force on parts is the grip's own."""
@@ -96,14 +86,7 @@ class Monitor:
         return None
 
     def held(self) -> tuple[int, ...]:
-        """Return the instances that the gripper holds now.
-
-        A jaw holds what lies between its pads: one part that presses on both, or else several in a row, of which
-        each pad feels one. A suction head holds what covers enough of its cells.
-        """
-        if self._gripper.kind == "jaw":
-            left, right = self._on_pads
-            return tuple(sorted((left & right) or (left | right if left and right else ())))
+        """Return the instances that the gripper holds now."""
         bodies = self._gripper.held_bodies(self._scene.model, self._scene.data)
         return tuple(self._instance_of_body[b] for b in bodies if b in self._instance_of_body)
 

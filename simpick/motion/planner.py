@@ -7,19 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from simpick.assets.grippers import Gripper
+from simpick.assets.grippers import Gripper, get_gripper
+from simpick.assets.grippers.sampling.selection import turn_about_z
 from simpick.assets.robots.registry import Robot, get_robot
 from simpick.errors import ConfigError
-from simpick.geometry.transforms import so3_exp, transform
+from simpick.geometry.transforms import transform
 from simpick.motion.collision import CellCollision
 from simpick.motion.config import MotionConfig
 from simpick.motion.kinematics import Kinematics, line
 from simpick.motion.trajectory import JointSegment, PathTrajectory
 from simpick.scene.config import SceneConfig
-from simpick.scene.robot import gripper_handle
 from simpick.scene.workspace import CHUTE_CENTRE_M
 
-_SUCTION_YAWS = 8
+_FREE_TURNS = 8
 _DROP_YAWS = 8
 _TOOL_DOWN = np.diag([1.0, -1.0, -1.0])
 _LIFT_TRIES = 4
@@ -35,9 +35,9 @@ class PickPlan:
     approach: JointSegment
     """From home to over the bin."""
     descent: PathTrajectory
-    """Straight down, then along the tool's axis to the grasp; for suction to just before it."""
+    """Straight down, then along the tool's axis to the grasp; to just before it where the gripper is pressed on."""
     probe: PathTrajectory | None
-    """Suction only: slowly on along the tool's axis, past the grasp, until the face holds a part."""
+    """For a gripper that is pressed on: slowly along the tool's axis, past the grasp, until it holds a part."""
 
 
 @dataclass(frozen=True)
@@ -55,23 +55,20 @@ class PickPlanner:
             raise ConfigError("robot must be the name of an arm to plan motions, got None; set SceneConfig.robot")
         self.motion = motion
         self.robot: Robot = get_robot(config.robot)
-        self.gripper: Gripper = gripper_handle(config)
+        self.gripper: Gripper = get_gripper(config.gripper)
         self.kinematics = Kinematics(self.robot, self.gripper.T_base_tcp)
         self.collision = CellCollision(config, self.robot)
 
     def plan(self, T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float) -> PickPlan | NoPlan:
-        """Return the quickest way from home to the TCP pose with the jaw opened to `opening_m`.
+        """Return the quickest way from home to the TCP pose with the gripper opened to `opening_m`.
 
         Orientations that make the same grasp compete: both of a jaw's, eight turns of a suction head about its axis.
         """
         home = self.robot.home_qpos
-        if self.gripper.kind == "jaw":
-            yaws = [0.0, np.pi]
-        else:
-            yaws = [2 * np.pi * k / _SUCTION_YAWS for k in range(_SUCTION_YAWS)]
+        turns = self.gripper.turn_symmetry or _FREE_TURNS
         choices = []
-        for yaw in yaws:
-            T_world_grasp = T_world_tcp @ transform(so3_exp(np.array([0.0, 0.0, yaw])))
+        for k in range(turns):
+            T_world_grasp = T_world_tcp @ turn_about_z(2 * np.pi * k / turns)
             choices += [(T_world_grasp, q) for q in self.kinematics.solve_all(T_world_grasp, home)]
         if not choices:
             x, y, z = 1000 * T_world_tcp[:3, 3]
@@ -97,9 +94,9 @@ class PickPlanner:
 
         # Traced from the grasp outwards: the way in is the way out reversed, on the same branch.
         T_world_end, probe = T_world_grasp, None
-        if self.gripper.kind == "suction":
+        if self.gripper.press_m > 0:
             T_world_end = _shifted(T_world_grasp, -0.004)
-            T_world_deepest = _shifted(T_world_grasp, self.gripper.press_m + motion.suction_search_m)
+            T_world_deepest = _shifted(T_world_grasp, self.gripper.press_m + motion.search_m)
             probing = line(T_world_end, T_world_deepest, spacing_m=0.004)
             q_probe = kinematics.follow(probing, q_grasp)
             if q_probe is None:
@@ -155,7 +152,7 @@ class PickPlanner:
         target = np.array([CHUTE_CENTRE_M[0], CHUTE_CENTRE_M[1], CHUTE_CENTRE_M[2] + self.motion.release_height_m])
         solutions = []
         for k in range(_DROP_YAWS):
-            R = so3_exp(np.array([0.0, 0.0, 2 * np.pi * k / _DROP_YAWS])) @ _TOOL_DOWN
+            R = turn_about_z(2 * np.pi * k / _DROP_YAWS)[:3, :3] @ _TOOL_DOWN
             solutions += self.kinematics.solve_all(transform(R, target), q)
         if not solutions:
             raise ConfigError(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal, cast
 
 import numpy as np
 from jaxtyping import Float
@@ -29,7 +28,7 @@ class GraspChooser:
         """Where the TCP may be commanded to."""
         self._part_of = {part.name: part for part in parts}
         self._motion = PickPlanner(config, MotionConfig())
-        self._grasps = GraspPlanner(cast("Literal['jaw', 'suction']", config.gripper), config.bin)
+        self._grasps = GraspPlanner(config.gripper, config.bin)
         for part in parts:
             self._grasps.prepare(part)
 

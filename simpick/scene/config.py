@@ -7,6 +7,7 @@ from typing import Annotated
 
 from annotated_types import Interval, MinLen
 
+from simpick.assets.grippers import get_gripper
 from simpick.assets.robots.registry import get_robot
 from simpick.config import Config
 from simpick.errors import ConfigError, UnknownNameError
@@ -15,9 +16,6 @@ from simpick.scene.randomization import RANDOMIZATIONS
 
 MAX_PARTS = 50
 """A bin holds at most this many parts."""
-
-GRIPPERS = ("jaw", "suction")
-"""Grippers that an arm can carry."""
 
 
 _Side = Annotated[float, Interval(ge=0.05, le=1)]
@@ -61,7 +59,7 @@ class SceneConfig(Config):
     robot: str | None = "ur5e"
     """Name of the arm; None leaves the cell without arm, gripper and wrist camera, for data sets."""
     gripper: str = "jaw"
-    """What the arm carries, one of `GRIPPERS`."""
+    """Name of the gripper that the arm carries."""
     bin: BinConfig = BinConfig()
     """The bin; its centre is fixed, see `workspace`."""
     overhead: CameraConfig = CameraConfig(640, 480, 28.0)
@@ -82,8 +80,7 @@ class SceneConfig(Config):
             raise ConfigError(f"parts must be distinct, got {', '.join(self.parts)}; name each part once")
         if self.robot is not None:
             get_robot(self.robot)
-        if self.gripper not in GRIPPERS:
-            raise UnknownNameError("gripper", self.gripper, GRIPPERS)
+        get_gripper(self.gripper)
         if self.randomization not in RANDOMIZATIONS:
             raise UnknownNameError("randomization preset", self.randomization, RANDOMIZATIONS)
         lowest = self.bin.depth_m + 0.3

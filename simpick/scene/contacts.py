@@ -1,4 +1,4 @@
-"""Who touches whom, and how hard."""
+"""Which groups of geoms touch each other."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from enum import IntEnum
 
 import mujoco
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Int
+
+from simpick.assets.grippers.base import GRIPPER_PREFIX
 
 
 class ContactGroup(IntEnum):
@@ -24,7 +26,7 @@ _PREFIXES = {
     "bin": ContactGroup.BIN,
     "chute": ContactGroup.CHUTE,
     "arm/": ContactGroup.ARM,
-    "gripper/": ContactGroup.GRIPPER,
+    GRIPPER_PREFIX: ContactGroup.GRIPPER,
     "part_": ContactGroup.PART,
 }
 
@@ -46,13 +48,3 @@ def contacts_between(
     """Return which of `data.contact` join a geom of group `a` with one of group `b`."""
     first, second = groups[data.contact.geom].T
     return ((first == a) & (second == b)) | ((first == b) & (second == a))
-
-
-def normal_forces(data: mujoco.MjData) -> Float[np.ndarray, "contacts"]:
-    """Return the normal force (N) in every contact; 0 where surfaces are near but do not touch."""
-    # With elliptic cones the first row of a contact's constraint is its normal direction.
-    rows = data.contact.efc_address
-    forces = np.zeros(len(rows))
-    active = rows >= 0
-    forces[active] = data.efc_force[rows[active]]
-    return forces

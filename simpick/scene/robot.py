@@ -5,27 +5,21 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from simpick.assets.grippers import Gripper, JawGripper, SuctionGripper, add_jaw_gripper, add_suction_gripper
+from simpick.assets.grippers import Gripper, get_gripper
 from simpick.assets.robots.registry import Robot
 from simpick.geometry.transforms import matrix_from_quaternion, transform
 from simpick.scene.cameras import add_wrist_camera
 from simpick.scene.config import SceneConfig
 
-ARM_PREFIX, GRIPPER_PREFIX = "arm/", "gripper/"
+ARM_PREFIX = "arm/"
 
 
 def mount_robot(spec: mujoco.MjSpec, robot: Robot, config: SceneConfig) -> None:
     """Add the arm at the world's origin with gripper and wrist camera."""
     flange = robot.add(spec, prefix=ARM_PREFIX)
-    add = add_jaw_gripper if config.gripper == "jaw" else add_suction_gripper
-    add(spec, flange, prefix=GRIPPER_PREFIX)
+    get_gripper(config.gripper).add(spec, flange)
     T_body_flange = transform(matrix_from_quaternion(flange.quat), np.asarray(flange.pos))
     add_wrist_camera(flange.parent, T_body_flange, config.wrist)
-
-
-def gripper_handle(config: SceneConfig) -> Gripper:
-    """Return the handle of the gripper that `mount_robot` adds."""
-    return JawGripper(GRIPPER_PREFIX) if config.gripper == "jaw" else SuctionGripper(GRIPPER_PREFIX)
 
 
 def go_home(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, gripper: Gripper) -> None:

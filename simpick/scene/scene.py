@@ -10,7 +10,8 @@ import mujoco
 import numpy as np
 from jaxtyping import Float, Int
 
-from simpick.assets.grippers import Gripper
+from simpick.assets.contact_forces import normal_forces
+from simpick.assets.grippers import Gripper, get_gripper
 from simpick.assets.library import get_part
 from simpick.assets.part import Part
 from simpick.assets.robots.registry import Robot, get_robot
@@ -22,10 +23,10 @@ from simpick.scene.archive import STATE, SceneArchive, read_archive, write_archi
 from simpick.scene.cameras import camera_pinhole, camera_pose
 from simpick.scene.composition import body_name, compose_scene, draw_parts
 from simpick.scene.config import SceneConfig
-from simpick.scene.contacts import ContactGroup, contacts_between, group_of_geom, normal_forces
+from simpick.scene.contacts import ContactGroup, contacts_between, group_of_geom
 from simpick.scene.parking import park, release
 from simpick.scene.physics import stop_engine_log_file
-from simpick.scene.robot import go_home, gripper_handle
+from simpick.scene.robot import go_home
 from simpick.scene.sleep import restore_sleep_state, sleep_state, wake_all
 from simpick.scene.workspace import bin_zone, chute_zone
 
@@ -65,7 +66,7 @@ class Scene:
         self.model = model
         self.data = mujoco.MjData(model)
         self.robot: Robot | None = get_robot(config.robot) if config.robot is not None else None
-        self.gripper: Gripper | None = gripper_handle(config) if config.robot is not None else None
+        self.gripper: Gripper | None = get_gripper(config.gripper) if config.robot is not None else None
         self.redropped = 0
         """How many times a part had to be dropped again while the bin was filled."""
         self._removed: set[int] = set()

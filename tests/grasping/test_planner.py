@@ -3,11 +3,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from simpick.assets.grippers.sampling.boxes import box_surface_points, points_in_boxes
 from simpick.assets.library import get_part
 from simpick.errors import ConfigError
 from simpick.geometry.transforms import invert, so3_exp, transform, transform_points
 from simpick.grasping import FailureMemory, GraspPlanner, PlannerConfig
-from simpick.grasping.boxes import box_surface_points, points_in_boxes
 from simpick.grasping.coverage import resting_coverage
 from simpick.grasping.exposure import exposures
 from simpick.scene.config import BinConfig

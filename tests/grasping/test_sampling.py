@@ -2,14 +2,14 @@ import numpy as np
 import pytest
 
 from simpick.assets.grippers import JAW_STROKE_M, JawGripper, SuctionGripper
+from simpick.assets.grippers.sampling.boxes import points_in_boxes
+from simpick.assets.grippers.sampling.part_surface import PartSurface
+from simpick.assets.grippers.sampling.resting import resting_floors
+from simpick.assets.grippers.sampling.selection import diverse, expanded, pose_distance
 from simpick.assets.library import get_part
 from simpick.geometry.symmetry import SymmetryGroup
 from simpick.geometry.transforms import invert, transform, transform_points
 from simpick.grasping import candidate_grasps
-from simpick.grasping.boxes import points_in_boxes
-from simpick.grasping.part_surface import PartSurface
-from simpick.grasping.resting import resting_floors
-from simpick.grasping.selection import diverse, expanded, pose_distance
 from simpick.records import Grasp
 
 PARTS = ("z_bracket", "hex_nut")
@@ -69,7 +69,7 @@ def test_the_suction_face_lies_on_the_part_and_its_head_misses_it(
         points = seen_from(grasp, name)
         under = np.linalg.norm(points[:, :2], axis=1) < 0.010
         assert np.abs(points[under, 2]).min() < 0.002
-        lance = SuctionGripper().boxes()[1:]
+        lance = SuctionGripper().boxes(0.0)[1:]
         assert not points_in_boxes(points[points[:, 2] < -0.003], lance).any()
 
 
@@ -96,15 +96,15 @@ def test_diverse_keeps_the_best_of_what_symmetry_makes_equal() -> None:
     flip = transform(np.diag([-1.0, -1.0, 1.0]))
     T = transform(translation=np.array([0.03, 0.0, 0.0]))
     other = transform(translation=np.array([0.0, 0.0, 0.03]))
-    grasps = [Grasp(T, 0.02, "jaw", 0.5), Grasp(flip @ T, 0.02, "jaw", 0.9), Grasp(other, 0.02, "jaw", 0.1)]
-    kept = diverse(grasps, SymmetryGroup(flip[None]), count=5, spacing_m=0.005)
+    grasps = [Grasp(T, 0.02, 0.5), Grasp(flip @ T, 0.02, 0.9), Grasp(other, 0.02, 0.1)]
+    kept = diverse(grasps, SymmetryGroup(flip[None]), 2, count=5, spacing_m=0.005)
     assert [grasp.quality for grasp in kept] == [0.9, 0.1]
-    assert len(diverse(grasps, SymmetryGroup(), count=5, spacing_m=0.005)) == 3
+    assert len(diverse(grasps, SymmetryGroup(), 2, count=5, spacing_m=0.005)) == 3
 
 
 def test_expansion_repeats_each_grasp_over_the_group() -> None:
     part = get_part("hex_nut")
-    grasp = Grasp(transform(translation=np.array([0.03, 0.0, 0.0])), 0.02, "jaw", 0.5)
+    grasp = Grasp(transform(translation=np.array([0.03, 0.0, 0.0])), 0.02, 0.5)
     group = part.symmetries.transforms()
     found = np.stack([g.T_part_tcp for g in expanded([grasp], part.symmetries)])
     assert len(found) == len(group)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simpick.assets.library import get_part, library_part_names
-from simpick.errors import ConfigError
+from simpick.errors import UnknownNameError
 from simpick.geometry.transforms import transform
 from simpick.grasping import verified_grasps
 from simpick.grasping.store import cached_path, load_file, load_grasps, save_grasps, shipped_path
@@ -20,7 +20,7 @@ def bench() -> GraspBench:
 def side_grasp(offset_m: tuple[float, float, float], width_m: float = 0.032) -> Grasp:
     """Return a grasp over the nut's flats, from above, with the TCP displaced from the nut's centre."""
     R = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-    return Grasp(transform(R, np.array(offset_m, float)), width_m, "jaw", 1.0)
+    return Grasp(transform(R, np.array(offset_m, float)), width_m, 1.0)
 
 
 def test_a_good_grasp_holds(bench: GraspBench) -> None:
@@ -47,15 +47,16 @@ def test_verification_sorts_out_and_orders() -> None:
     grasps = [side_grasp((0.05, 0, 0)), side_grasp((0.008, 0, 0)), side_grasp((0, 0, 0))]
     kept = verified(
         get_part("hex_nut"),
-        [Grasp(g.T_part_tcp, g.width_m, "jaw", q) for g, q in zip(grasps, (1.0, 0.5, 0.9), strict=True)],
+        [Grasp(g.T_part_tcp, g.width_m, q) for g, q in zip(grasps, (1.0, 0.5, 0.9), strict=True)],
+        "jaw",
     )
     assert len(kept) == 2
     assert kept[0].quality > kept[1].quality
     assert np.allclose(kept[0].T_part_tcp, grasps[2].T_part_tcp)
 
 
-def test_an_unknown_kind_is_refused() -> None:
-    with pytest.raises(ConfigError, match="grasp kind must be 'jaw' or 'suction', got 'hook'"):
+def test_an_unknown_gripper_is_refused() -> None:
+    with pytest.raises(UnknownNameError, match=r"no gripper named 'hook'\. Valid: jaw, suction"):
         GraspBench(get_part("hex_nut"), "hook")
 
 

@@ -240,8 +240,6 @@ def test_motion_config_errors_say_what_to_do():
         MotionConfig(tcp_speed_m_s=-1.0)
     with pytest.raises(ConfigError, match=r"joint_speed_rad_s must be above 0 and at most 3\.14159, got 9"):
         MotionConfig(joint_speed_rad_s=9.0)
-    with pytest.raises(ConfigError, match=r"suction_loaded_fraction must be above 0 and at most 1, got 2"):
-        MotionConfig(suction_loaded_fraction=2.0)
 
 
 def test_a_chute_beyond_reach_is_refused():

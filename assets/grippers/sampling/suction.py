@@ -12,26 +12,27 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from simpick.assets.grippers.suction import (
+from simpick.assets.grippers.sampling.boxes import points_in_boxes
+from simpick.assets.grippers.sampling.part_surface import PartSurface
+from simpick.assets.grippers.sampling.resting import resting_floors
+from simpick.assets.grippers.sampling.selection import diverse, merged
+from simpick.assets.grippers.suction_shape import (
     CELL_CENTRES_M,
     CELL_FORCE_N,
     CELLS,
     FOAM_REACH_M,
     SUCTION_RADIUS_M,
-    SuctionGripper,
+    SUCTION_TURN_SYMMETRY,
+    suction_boxes,
 )
 from simpick.assets.part import Part
 from simpick.geometry.transforms import transform
-from simpick.grasping.boxes import points_in_boxes
-from simpick.grasping.part_surface import PartSurface
-from simpick.grasping.resting import resting_floors
-from simpick.grasping.selection import diverse, merged
 from simpick.records import Grasp
 
 
 @dataclass(frozen=True)
-class SuctionConfig:
-    """How suction grasps are sampled."""
+class SuctionSampling:
+    """A `GraspSampling`: the face laid on surface points."""
 
     seeds: int = 1200
     """Surface points on which the face is laid."""
@@ -56,30 +57,26 @@ class SuctionConfig:
     spacing_m: float = 0.005
     """Least distance between two kept grasps."""
 
-
-def suction_candidates(part: Part, config: SuctionConfig = SuctionConfig()) -> list[Grasp]:
-    """Return diverse unverified suction grasps, best first. Deterministic."""
-    surface = PartSurface(part)
-    rng = np.random.default_rng(0)
-    chosen = rng.choice(len(surface.points), min(config.seeds, len(surface.points)), replace=False)
-    found = [_placed(surface, surface.points[k], surface.normals[k], config) for k in chosen]
-    grasps = [grasp for grasp in found if grasp is not None]
-    pools = [(grasps, config.candidates)]
-    steep = np.cos(np.radians(config.steepness_deg))
-    pools += [
-        ([g for g in grasps if -g.T_part_tcp[:3, 2] @ floor[:3] > steep], config.candidates_per_floor)
-        for floor in resting_floors(part)
-    ]
-    return merged(
-        [diverse(pool, part.symmetries, count=count, spacing_m=config.spacing_m) for pool, count in pools],
-        part.symmetries,
-        count=config.candidates_at_most,
-        spacing_m=0.5 * config.spacing_m,
-    )
+    def sample(self, part: Part) -> list[Grasp]:
+        """Return diverse unverified suction grasps, best first. Deterministic."""
+        surface = PartSurface(part)
+        rng = np.random.default_rng(0)
+        chosen = rng.choice(len(surface.points), min(self.seeds, len(surface.points)), replace=False)
+        found = [_placed(surface, surface.points[k], surface.normals[k], self) for k in chosen]
+        grasps = [grasp for grasp in found if grasp is not None]
+        pools = [(grasps, self.candidates)]
+        steep = np.cos(np.radians(self.steepness_deg))
+        pools += [
+            ([g for g in grasps if -g.T_part_tcp[:3, 2] @ floor[:3] > steep], self.candidates_per_floor)
+            for floor in resting_floors(part)
+        ]
+        spacing_m, order = self.spacing_m, SUCTION_TURN_SYMMETRY
+        kept = [diverse(pool, part.symmetries, order, count=count, spacing_m=spacing_m) for pool, count in pools]
+        return merged(kept, part.symmetries, order, count=self.candidates_at_most, spacing_m=0.5 * spacing_m)
 
 
 def _placed(
-    surface: PartSurface, point: Float[np.ndarray, "3"], normal: Float[np.ndarray, "3"], config: SuctionConfig
+    surface: PartSurface, point: Float[np.ndarray, "3"], normal: Float[np.ndarray, "3"], settings: SuctionSampling
 ) -> Grasp | None:
     """Return the face laid on one surface point, or None where it covers too little or hits the part."""
     u = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
@@ -91,15 +88,15 @@ def _placed(
     distances, normals = surface.cast(origins, np.tile(-normal, (CELLS, 1)))
     depths = distances - height
     # What stands out under the face must yield to the foam, or the face would not come down to the point.
-    if depths.min() < -config.largest_gap_m:
+    if depths.min() < -settings.largest_gap_m:
         return None
-    covered = (depths - depths.min() < config.largest_gap_m) & (normals @ normal > config.facing_cosine)
-    if covered.sum() < config.least_cells:
+    covered = (depths - depths.min() < settings.largest_gap_m) & (normals @ normal > settings.facing_cosine)
+    if covered.sum() < settings.least_cells:
         return None
     T[:3, 3] = point - float(depths.min()) * normal
     seen = (surface.points - T[:3, 3]) @ T[:3, :3]
     # The foam yields to the part by its reach; only what stands higher than that is in the head's way.
-    if points_in_boxes(seen[seen[:, 2] < -FOAM_REACH_M], SuctionGripper().boxes()).any():
+    if points_in_boxes(seen[seen[:, 2] < -FOAM_REACH_M], suction_boxes()).any():
         return None
     com = (surface.centre_of_mass_m - T[:3, 3]) @ T[:3, :3]
     lever = float(np.linalg.norm(com[:2] - CELL_CENTRES_M[covered].mean(axis=0)))
@@ -107,7 +104,7 @@ def _placed(
     margin = float(covered.sum()) * CELL_FORCE_N / weight
     # Off-centre weight peels the face off cell by cell: its moment against the cells' at half the face's radius.
     peel = weight * lever / (float(covered.sum()) * CELL_FORCE_N * 0.5 * SUCTION_RADIUS_M)
-    if margin < config.least_margin or peel > config.largest_peel:
+    if margin < settings.least_margin or peel > settings.largest_peel:
         return None
     quality = np.exp(-lever / 0.03) * np.sqrt(covered.mean()) * min(1.0, margin / 6.0)
-    return Grasp(T, 0.0, "suction", float(quality))
+    return Grasp(T, 0.0, float(quality))

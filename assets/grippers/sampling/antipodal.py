@@ -14,26 +14,27 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from simpick.assets.grippers.jaw import (
+from simpick.assets.grippers.jaw_shape import (
     FINGER_THICKNESS_M,
     JAW_STROKE_M,
+    JAW_TURN_SYMMETRY,
     PAD_ABOVE_TCP_M,
     PAD_WIDTH_M,
     TIP_BEYOND_TCP_M,
-    JawGripper,
+    jaw_boxes,
 )
+from simpick.assets.grippers.sampling.boxes import points_in_boxes
+from simpick.assets.grippers.sampling.part_surface import PartSurface
+from simpick.assets.grippers.sampling.resting import resting_floors
+from simpick.assets.grippers.sampling.selection import diverse, merged
 from simpick.assets.part import Part
 from simpick.geometry.transforms import transform
-from simpick.grasping.boxes import points_in_boxes
-from simpick.grasping.part_surface import PartSurface
-from simpick.grasping.resting import resting_floors
-from simpick.grasping.selection import diverse, merged
 from simpick.records import Grasp
 
 
 @dataclass(frozen=True)
-class AntipodalConfig:
-    """How jaw grasps are sampled."""
+class AntipodalSampling:
+    """A `GraspSampling`: antipodal pairs of surface points."""
 
     seeds: int = 500
     """Surface points from which pairs are sought."""
@@ -60,42 +61,39 @@ class AntipodalConfig:
     candidates_at_most: int = 320
     """But not more than this."""
     spacing_m: float = 0.006
-    """Least distance between two kept grasps (`simpick.grasping.selection.pose_distance`)."""
+    """Least distance between two kept grasps (`simpick.assets.grippers.sampling.selection.pose_distance`)."""
 
-
-def antipodal_candidates(part: Part, config: AntipodalConfig = AntipodalConfig()) -> list[Grasp]:
-    """Return diverse unverified jaw grasps, best first. Deterministic."""
-    surface = PartSurface(part)
-    rng = np.random.default_rng(0)
-    axes = _closing_axes(surface, config, rng)
-    angles = 2 * np.pi * np.arange(config.approaches) / config.approaches
-    anywhere = [_placed(surface, _frame(point, axis, angle), config) for point, axis in axes for angle in angles]
-    pools = [([g for g in anywhere if g is not None], config.candidates)]
-    for floor in resting_floors(part):
-        level = [(point, axis) for point, axis in axes if abs(axis @ floor[:3]) < np.sin(np.radians(config.level_deg))]
-        onto = [_placed(surface, _frame_onto(point, axis, floor[:3]), config, floor) for point, axis in level]
-        pools.append(([g for g in onto if g is not None], config.candidates_per_floor))
-    return merged(
-        [diverse(pool, part.symmetries, count=count, spacing_m=config.spacing_m) for pool, count in pools],
-        part.symmetries,
-        count=config.candidates_at_most,
-        spacing_m=0.5 * config.spacing_m,
-    )
+    def sample(self, part: Part) -> list[Grasp]:
+        """Return diverse unverified jaw grasps, best first. Deterministic."""
+        surface = PartSurface(part)
+        rng = np.random.default_rng(0)
+        axes = _closing_axes(surface, self, rng)
+        angles = 2 * np.pi * np.arange(self.approaches) / self.approaches
+        anywhere = [_placed(surface, _frame(point, axis, angle), self) for point, axis in axes for angle in angles]
+        steepest = np.sin(np.radians(self.level_deg))
+        pools = [([g for g in anywhere if g is not None], self.candidates)]
+        for floor in resting_floors(part):
+            level = [(point, axis) for point, axis in axes if abs(axis @ floor[:3]) < steepest]
+            onto = [_placed(surface, _frame_onto(point, axis, floor[:3]), self, floor) for point, axis in level]
+            pools.append(([g for g in onto if g is not None], self.candidates_per_floor))
+        spacing_m, order = self.spacing_m, JAW_TURN_SYMMETRY
+        kept = [diverse(pool, part.symmetries, order, count=count, spacing_m=spacing_m) for pool, count in pools]
+        return merged(kept, part.symmetries, order, count=self.candidates_at_most, spacing_m=0.5 * spacing_m)
 
 
 def _closing_axes(
-    surface: PartSurface, config: AntipodalConfig, rng: np.random.Generator
+    surface: PartSurface, settings: AntipodalSampling, rng: np.random.Generator
 ) -> list[tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]]:
     """Return (midpoint, unit axis) of antipodal pairs."""
-    cone = np.cos(np.radians(config.cone_deg))
+    cone = np.cos(np.radians(settings.cone_deg))
     found = []
-    for k in rng.choice(len(surface.points), min(config.seeds, len(surface.points)), replace=False):
+    for k in rng.choice(len(surface.points), min(settings.seeds, len(surface.points)), replace=False):
         point, normal = surface.points[k], surface.normals[k]
         axis = -normal + rng.normal(scale=0.06, size=3)
         axis /= np.linalg.norm(axis)
         for distance, far_normal in surface.crossings(point + 1e-6 * axis, axis):
             leaves = far_normal @ axis > cone and -normal @ axis > cone
-            if leaves and 0.001 < distance < JAW_STROKE_M - 2 * config.side_clearance_m:
+            if leaves and 0.001 < distance < JAW_STROKE_M - 2 * settings.side_clearance_m:
                 found.append((point + 0.5 * distance * axis, axis))
     return found
 
@@ -121,7 +119,7 @@ def _frame_onto(
 def _placed(
     surface: PartSurface,
     T_part_tcp: Float[np.ndarray, "4 4"],
-    config: AntipodalConfig,
+    settings: AntipodalSampling,
     floor: Float[np.ndarray, "4"] | None = None,
 ) -> Grasp | None:
     """Return the grasp with depth and centre adapted to the part (and its floor), or None if it cannot work."""
@@ -133,10 +131,10 @@ def _placed(
         return None
     # Push in until the tips are level with the part's far side under the fingers, but not past the sampled contact.
     far = points[beside & (np.abs(points[:, 0]) < JAW_STROKE_M / 2 + FINGER_THICKNESS_M), 2].max()
-    shift = min(0.0, far - config.tip_margin_m - TIP_BEYOND_TCP_M)
+    shift = min(0.0, far - settings.tip_margin_m - TIP_BEYOND_TCP_M)
     if floor is not None:
-        shift = min(shift, _shift_off_floor(T_part_tcp, np.ptp(points[beside, 0]), floor, config))
-    if -shift > TIP_BEYOND_TCP_M - config.least_overlap_m:
+        shift = min(shift, _shift_off_floor(T_part_tcp, np.ptp(points[beside, 0]), floor, settings))
+    if -shift > TIP_BEYOND_TCP_M - settings.least_overlap_m:
         return None
     points[:, 2] -= shift
 
@@ -144,19 +142,19 @@ def _placed(
     across = points[reached, 0]
     lower, upper = across.min(), across.max()
     width, centre = upper - lower, 0.5 * (lower + upper)
-    opening = width + 2 * config.side_clearance_m
+    opening = width + 2 * settings.side_clearance_m
     if opening > JAW_STROKE_M:
         return None
     points[:, 0] -= centre
     touching = reached & (np.abs(points[:, 1]) < PAD_WIDTH_M / 2)
-    cone = np.cos(np.radians(config.cone_deg))
-    depth = config.patch_depth_m
+    cone = np.cos(np.radians(settings.cone_deg))
+    depth = settings.patch_depth_m
     left = touching & (points[:, 0] < -width / 2 + depth) & (normals[:, 0] < -cone)
     right = touching & (points[:, 0] > width / 2 - depth) & (normals[:, 0] > cone)
     patch = surface.area_per_point_m2 * min(left.sum(), right.sum())
-    if patch < config.least_patch_m2:
+    if patch < settings.least_patch_m2:
         return None
-    if points_in_boxes(points, JawGripper().boxes(opening)).any():
+    if points_in_boxes(points, jaw_boxes(opening)).any():
         return None
 
     left_centre, right_centre = points[left].mean(axis=0), points[right].mean(axis=0)
@@ -168,15 +166,15 @@ def _placed(
     quality = np.exp(-lever / 0.03) * (0.4 + 0.6 * min(1.0, patch / 60e-6)) * np.exp(-skew / 0.006)
     T = T_part_tcp.copy()
     T[:3, 3] += R @ np.array([centre, 0.0, shift])
-    return Grasp(T, float(width), "jaw", float(quality))
+    return Grasp(T, float(width), float(quality))
 
 
 def _shift_off_floor(
-    T_part_tcp: Float[np.ndarray, "4 4"], width_m: float, floor: Float[np.ndarray, "4"], config: AntipodalConfig
+    T_part_tcp: Float[np.ndarray, "4 4"], width_m: float, floor: Float[np.ndarray, "4"], settings: AntipodalSampling
 ) -> float:
     """Return how far along the approach (negative: back) the lowest corner of the open fingers just clears a floor."""
-    x = min(width_m, JAW_STROKE_M) / 2 + config.side_clearance_m + FINGER_THICKNESS_M
+    x = min(width_m, JAW_STROKE_M) / 2 + settings.side_clearance_m + FINGER_THICKNESS_M
     corners = np.array([[sx * x, sy * PAD_WIDTH_M / 2, TIP_BEYOND_TCP_M] for sx in (-1, 1) for sy in (-1, 1)])
     heights = (corners @ T_part_tcp[:3, :3].T + T_part_tcp[:3, 3]) @ floor[:3] - floor[3]
     descent = -float(T_part_tcp[:3, 2] @ floor[:3])
-    return float((heights.min() - config.tip_margin_m) / descent)
+    return float((heights.min() - settings.tip_margin_m) / descent)

@@ -1,0 +1,17 @@
+"""Normal forces of a model's contacts."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+
+def normal_forces(data: mujoco.MjData) -> Float[np.ndarray, "contacts"]:
+    """Return the normal force (N) in every contact; 0 where surfaces are near but do not touch."""
+    # With elliptic cones the first row of a contact's constraint is its normal direction.
+    rows = data.contact.efc_address
+    forces = np.zeros(len(rows))
+    active = rows >= 0
+    forces[active] = data.efc_force[rows[active]]
+    return forces
