@@ -1,4 +1,4 @@
-"""Clusters of pose hypotheses in SE(3), over a part's symmetries: near-identical poses become one."""
+"""Selection among pose hypotheses: clusters in SE(3) over a part's symmetries, and the best per group."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from simpick.errors import ConfigError
 from simpick.geometry import SymmetryGroup
@@ -15,7 +15,7 @@ from simpick.records import PoseHypothesis
 
 @dataclass(frozen=True, eq=False)
 class HypothesisCluster:
-    """Hypotheses that are one pose for all that can be seen."""
+    """Hypotheses of practically the same pose."""
 
     best: PoseHypothesis
     """The one with the highest score."""
@@ -36,10 +36,10 @@ def cluster_hypotheses(
     rotation_deg: float,
     translation_diameters: float,
 ) -> list[HypothesisCluster]:
-    """Return clusters, best first: each hypothesis joins the first better one that is as close as these limits.
+    """Return clusters, best first: each hypothesis joins the first better one within both limits.
 
-    Both angle (over the symmetries) and distance of the origins must be within their limit. So no member is farther
-    from its cluster's best than that, and two clusters' bests are apart.
+    The limits are of the angle over the symmetries and of the distance between origins. So no member is farther from
+    its cluster's best, and the bests of two clusters are farther apart.
 
     Raises:
         ConfigError: the diameter is not positive, or a limit is negative.
@@ -64,6 +64,13 @@ def cluster_hypotheses(
     return [HypothesisCluster(ordered[m[0]], tuple(ordered[k] for k in m)) for m in members]
 
 
+def best_per_group(groups: Int[np.ndarray, "n"], costs: Float[np.ndarray, "n"], count: int) -> Int[np.ndarray, "k"]:
+    """Return the rows of the `count` lowest costs of each group, ordered by group and cost."""
+    order = np.lexsort((costs, groups))
+    ordered = groups[order]
+    return order[np.arange(len(order)) - np.searchsorted(ordered, ordered) < count]
+
+
 def _near(
     T: Float[np.ndarray, "4 4"],
     Ts_leader: Float[np.ndarray, "n 4 4"],
@@ -75,7 +82,7 @@ def _near(
     Ts = np.broadcast_to(T, Ts_leader.shape)
     # A symmetry about an axis beside the origin moves the origin too.
     equivalent = symmetries.closest_equivalent(Ts, Ts_leader)
-    turned_deg = np.degrees(symmetries.rotation_distance(Ts[:, :3, :3], Ts_leader[:, :3, :3]))
-    apart_m = np.linalg.norm(equivalent[:, :3, 3] - Ts_leader[:, :3, 3], axis=-1)
+    angle_deg = np.degrees(symmetries.rotation_distance(Ts[:, :3, :3], Ts_leader[:, :3, :3]))
+    distance_m = np.linalg.norm(equivalent[:, :3, 3] - Ts_leader[:, :3, 3], axis=-1)
     # A little more than rounding, so that equal poses are near with limits of zero.
-    return ((turned_deg <= rotation_deg + 1e-5) & (apart_m <= translation_m + 1e-9)).tolist()
+    return ((angle_deg <= rotation_deg + 1e-5) & (distance_m <= translation_m + 1e-9)).tolist()

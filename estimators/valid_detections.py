@@ -1,42 +1,55 @@
-"""Which detections an image-based estimator can answer, with the pixels and the box that it goes by."""
+"""The detections that image-based estimators can answer, with the pixels and boxes that they work from."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from simpick.errors import ConfigError
+from simpick.errors import ConfigError, UnknownNameError
 from simpick.geometry import box_of_mask
 from simpick.records import CameraFrame, Detection
 
 
-def valid_detections(
-    detections: Sequence[Detection], frame: CameraFrame, min_mask_px: int
-) -> list[tuple[Detection, Bool[np.ndarray, "height width"], Float[np.ndarray, "4"]]]:
-    """Return the detections with enough pixels, each with its mask and the box around that.
+@dataclass(frozen=True, eq=False)
+class ValidDetection:
+    """A detection with enough pixels to estimate a pose from."""
 
-    Where a detection has no mask, its whole box counts, as far as it lies in the image. A line of pixels has no shape
-    and no crop, and is left out.
+    detection: Detection
+    mask: Bool[np.ndarray, "height width"]
+    """The detection's mask, or its box within the image where it has none."""
+    box_xyxy_px: Float[np.ndarray, "4"]
+    """Around the mask."""
+
+
+def valid_detections(detections: Sequence[Detection], frame: CameraFrame, min_mask_px: int) -> list[ValidDetection]:
+    """Return the detections with enough pixels; a single line of pixels has no shape and is left out.
 
     Raises:
         ConfigError: the image is not of 8-bit RGB, or a mask has another size than the image.
     """
     if frame.rgb.dtype != np.uint8:
         raise ConfigError(f"an image must have 8-bit channels (uint8), got {frame.rgb.dtype}")
-    found = []
-    for detection in detections:
-        mask = detection_mask(detection, frame)
-        if np.count_nonzero(mask) >= min_mask_px:
-            box = box_of_mask(mask)
-            if (box[2:] - box[:2] >= 2).all():
-                found.append((detection, mask, box))
-    return found
+    masks = [detection_mask(detection, frame) for detection in detections]
+    return [
+        ValidDetection(detection, mask, box_of_mask(mask))
+        for detection, mask in zip(detections, masks, strict=True)
+        if has_shape(mask, min_mask_px)
+    ]
+
+
+def has_shape(mask: Bool[np.ndarray, "height width"], min_px: int) -> bool:
+    """Return whether a mask has this many pixels or more, and they are not a single line."""
+    if np.count_nonzero(mask) < min_px:
+        return False
+    box = box_of_mask(mask)
+    return bool((box[2:] - box[:2] >= 2).all())
 
 
 def detection_mask(detection: Detection, frame: CameraFrame) -> Bool[np.ndarray, "height width"]:
-    """Return a detection's mask, or its box where it has none; empty if it lies outside the image.
+    """Return a detection's mask, or its box where it has none; empty if the box lies outside the image.
 
     Raises:
         ConfigError: the mask has another size than the image.
@@ -55,3 +68,11 @@ def detection_mask(detection: Detection, frame: CameraFrame) -> Bool[np.ndarray,
             f"got {detection.mask.shape[1]} x {detection.mask.shape[0]}"
         )
     return detection.mask
+
+
+def check_onboarded(detections: Iterable[Detection], onboarded: Iterable[str]) -> None:
+    """Raise UnknownNameError if a detection's part is not among those that were onboarded."""
+    known = set(onboarded)
+    for detection in detections:
+        if detection.part not in known:
+            raise UnknownNameError("onboarded part", detection.part, known, "Call onboard(part) first.")

@@ -17,28 +17,35 @@ from simpick.config import from_json
 from simpick.errors import CheckpointError
 from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.network.model import RayPose
-from simpick.estimators.raypose.network.strict_weights import check_weights
+from simpick.estimators.raypose.strict_weights import check_weights
 
 FORMAT = "simpick-raypose"
-VERSION = "2"
-"""Raised when the same weights would mean something else."""
+VERSION = "3"
+"""Raised when the same weights would mean something else or have other names."""
 SHIPPED_WEIGHTS = "raypose.safetensors"
 _FROZEN = "image_encoder.vit."
+_RENAMED = {
+    ".modulation.": ".adaLN_modulation.1.",
+    ".modulation_out.": ".adaLN_modulation.1.",
+    ".from_narrow.": ".from_fine.",
+    ".from_wide.": ".from_coarse.",
+}
+"""Parts of tensors' names in files of version 2, which hold the same tensors, and what they are called now."""
 
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """A network and what is known of how it came about."""
+    """A network and the card that describes its training."""
 
     model: RayPose
     card: dict[str, Any]
-    """Facts of its training: samples, hours, data, figures."""
+    """Samples, hours, data, figures."""
 
 
 def save_checkpoint(path: Path, model: RayPose, card: dict[str, Any]) -> None:
     """Write weights in half precision, configuration and card to one file, whole or not at all.
 
-    A frozen image encoder is left out: its weights are not ours to ship.
+    A frozen image encoder is left out, because simpick does not distribute its weights.
 
     Raises:
         OutputError: the file cannot be written.
@@ -69,13 +76,13 @@ def load_checkpoint(path: Path, *, dino_weights: Path | None = None) -> Checkpoi
         config = from_json(RayPoseConfig, json.loads(header["config"]), complete=True)
         card = json.loads(header["card"])
     except (KeyError, TypeError, ValueError) as error:
-        raise CheckpointError(f"the configuration in {path} cannot be read ({error}); take the file anew") from error
+        raise CheckpointError(f"the configuration in {path} cannot be read ({error}); get the file again") from error
     model = RayPose(config)
     expected = {name: tensor for name, tensor in model.state_dict().items() if not name.startswith(_FROZEN)}
     check_weights(path, tensors, expected, "their configuration")
     model.load_state_dict({name: tensor.float() for name, tensor in tensors.items()}, strict=not config.is_dino)
     if config.is_dino:
-        from simpick.estimators.raypose.network.dino_encoder import load_dino_weights
+        from simpick.estimators.raypose.network.encoders.dino_encoder import load_dino_weights
 
         if dino_weights is None:
             raise CheckpointError(
@@ -107,17 +114,23 @@ def _read(path: Path) -> tuple[dict[str, str], dict[str, torch.Tensor]]:
     try:
         with safetensors.safe_open(str(path), framework="pt") as file:
             header = file.metadata() or {}
-            ours = header.get("format") == FORMAT and header.get("version") == VERSION
-            tensors = {name: file.get_tensor(name) for name in file.keys()} if ours else {}  # noqa: SIM118 - no mapping
+            ours = header.get("format") == FORMAT and header.get("version") in ("2", VERSION)
+            tensors = {_renamed(name): file.get_tensor(name) for name in file.keys()} if ours else {}  # noqa: SIM118 - no mapping
     except (safetensors.SafetensorError, OSError, ValueError) as error:
-        raise CheckpointError(f"{path} is damaged or no safetensors file ({error}); take it anew") from error
+        raise CheckpointError(f"{path} is damaged or no safetensors file ({error}); get it again") from error
     if header.get("format") != FORMAT:
         raise CheckpointError(
             f"{path} must be a checkpoint of RayPose written by simpick, but its format is "
             f"{header.get('format', 'not given')!r}"
         )
-    if header.get("version") != VERSION:
+    if not ours:
         raise CheckpointError(
             f"{path} must be of version {VERSION}, got {header.get('version')!r}; use the simpick that wrote it"
         )
     return header, tensors
+
+
+def _renamed(name: str) -> str:
+    for old, new in _RENAMED.items():
+        name = name.replace(old, new)
+    return name

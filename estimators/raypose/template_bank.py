@@ -1,9 +1,8 @@
-"""`TemplateBank`: a part's templates as the network keeps them, each encoded once, when first needed."""
+"""`TemplateBank`: a part's templates as the network keeps them, each encoded once, when it is first needed."""
 
 from __future__ import annotations
 
-import dataclasses
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -12,43 +11,40 @@ from torch import Tensor
 
 from simpick.assets.part import Part
 from simpick.estimators.raypose.crops.template_choice import choose_around, spread_over_sphere
-from simpick.estimators.raypose.crops.template_crops import collate, crop_templates
+from simpick.estimators.raypose.crops.template_crops import collate, crop_templates, move_points
 from simpick.estimators.raypose.network.flow import FlowCells
 from simpick.estimators.raypose.network.model import RayPose
 from simpick.estimators.raypose.network.pose_maps import ViewPoses
 from simpick.estimators.raypose.network.tokens import TemplateTokens
-from simpick.geometry import SymmetryGroup, invert, transform_points
+from simpick.geometry import invert
 from simpick.rendering import TemplateSet
+from simpick.tensor_record import TensorRecord
 
 TURNS = 12
 """Turns of each view about the optical axis that templates around a pose are chosen from."""
 _ENCODED_AT_ONCE = 64
 _KEPT = 600
-"""Slots of a part that are kept, those used last: some 85 MB of `small`."""
+"""Slots kept per part, those used last: some 85 MB with `small`."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Slot:
-    """One view in one turn."""
+class _Slot(TensorRecord):
+    """Views in one turn each; leading dimensions are free: none for one view."""
 
-    tokens: Float[Tensor, "tokens width"]
-    descriptors: Float[Tensor, "cells match_width"]
-    points: Float[Tensor, "cells 3"]
-    coverage: Float[Tensor, "cells"]
-    flow_descriptors: Float[Tensor, "flow_cells flow_width"]
-    flow_points: Float[Tensor, "flow_cells 3"]
-    flow_coverage: Float[Tensor, "flow_cells"]
-    T_crop_part: Float[np.ndarray, "4 4"]
-    half_tangent: float
+    tokens: Float[Tensor, "*batch tokens width"]
+    descriptors: Float[Tensor, "*batch cells match_width"]
+    points: Float[Tensor, "*batch cells 3"]
+    coverage: Float[Tensor, "*batch cells"]
+    flow: FlowCells
+    half_tangent: Float[Tensor, "*batch"]
+    Ts_crop_part: Float[np.ndarray, "*batch 4 4"]
 
 
 class TemplateBank:
     """The encoded templates of one part for one network."""
 
     def __init__(self, model: RayPose, part: Part, templates: TemplateSet) -> None:
-        self._model, self._templates = model, templates
-        self._symmetries: SymmetryGroup = part.symmetries
-        self._diameter_m = part.diameter_m
+        self._model, self.part, self._templates = model, part, templates
         self._slots: dict[tuple[int, int], _Slot] = {}
         self._sphere: TemplateTokens | None = None
 
@@ -61,22 +57,20 @@ class TemplateBank:
         """Return the fixed set of coarse templates, fused: the same for every query, so made once."""
         if self._sphere is None:
             views = spread_over_sphere(self.Rs_view_part, self._model.config.templates)
-            slots = self._encoded([(int(view), 0) for view in views])
-            reference = slots[0].T_crop_part
-            self._sphere = self._model.fuse(_stack([self._posed(slots, reference)], self._diameter_m))
+            slots = _Slot.stack(self._encoded([(int(view), 0) for view in views]))
+            self._sphere = self._model.fuse(self._templates_of([self._posed(slots, slots.Ts_crop_part[0])]))
         return self._sphere
 
     def around(self, Ts_crop_part: Float[np.ndarray, "n 4 4"]) -> TemplateTokens:
-        """Return for each pose the templates nearest to it, not fused; equivalent poses are told as nearest to it."""
+        """Return for each pose the templates nearest to it, not fused, each in its equivalent pose nearest to it."""
         config = self._model.config
         # Of equivalent poses always the same one, so that equivalent starts have the same templates.
-        Ts_crop_part = self._symmetries.closest_equivalent(Ts_crop_part, np.eye(4))
+        Ts_crop_part = self.part.symmetries.closest_equivalent(Ts_crop_part, np.eye(4))
         chosen = [choose_around(self.Rs_view_part, T[:3, :3], config.templates, TURNS) for T in Ts_crop_part]
-        keys = [[(int(v), int(t)) for v, t in zip(views, turns, strict=True)] for views, turns in chosen]
-        slots = self._encoded([key for own in keys for key in own])
-        own = np.cumsum([0, *map(len, keys)])
-        sets = [self._posed(slots[own[k] : own[k + 1]], T) for k, T in enumerate(Ts_crop_part)]
-        return _stack(sets, self._diameter_m)
+        keys = [(int(v), int(t)) for views, turns in chosen for v, t in zip(views, turns, strict=True)]
+        slots, count = _Slot.stack(self._encoded(keys)), len(keys) // len(chosen)
+        sets = [self._posed(slots.rows(slice(k * count, (k + 1) * count)), T) for k, T in enumerate(Ts_crop_part)]
+        return self._templates_of(sets)
 
     def _encoded(self, keys: list[tuple[int, int]]) -> list[_Slot]:
         missing = [key for key in dict.fromkeys(keys) if key not in self._slots]
@@ -93,53 +87,38 @@ class TemplateBank:
         views: Int[np.ndarray, "n"] = np.array([view for view, _ in keys])
         angles = 2 * np.pi * np.array([turn for _, turn in keys]) / TURNS
         crops = crop_templates(self._templates, views, angles, self._model.config)
-        tokens = self._model.encode_templates(collate([crops], [self._diameter_m]))
-        for k, key in enumerate(keys):
-            self._slots[key] = _Slot(
-                tokens.tokens[0, k].clone(),
-                tokens.descriptors[0, k].clone(),
-                tokens.points[0, k],
-                tokens.coverage[0, k],
-                tokens.flow.descriptors[0, k].clone(),
-                tokens.flow.points[0, k],
-                tokens.flow.coverage[0, k],
-                crops.Ts_crop_part[k],
-                float(crops.half_tangent[k]),
-            )
+        encoded = self._model.encode_templates(collate([crops], [self.part.diameter_m]))
+        slots = _Slot(
+            encoded.tokens[0],
+            encoded.descriptors[0],
+            encoded.points[0],
+            encoded.coverage[0],
+            encoded.flow.map(lambda x: x[0]),
+            torch.tensor(crops.half_tangent, dtype=torch.float32),
+            crops.Ts_crop_part,
+        )
+        # Copies, so that a slot does not keep those that were encoded with it.
+        self._slots.update((key, slots.rows(k).map(Tensor.clone)) for k, key in enumerate(keys))
 
-    def _posed(self, slots: list[_Slot], T_reference: Float[np.ndarray, "4 4"]) -> list[_Slot]:
-        """Return the slots with those of their equivalent poses that are turned least against the reference."""
-        if self._symmetries.is_trivial:
+    def _posed(self, slots: _Slot, T_reference: Float[np.ndarray, "4 4"]) -> _Slot:
+        """Return the slots with those of their equivalent poses that are rotated least against the reference."""
+        if self.part.symmetries.is_trivial:
             return slots
-        Ts = np.stack([slot.T_crop_part for slot in slots])
-        new = self._symmetries.closest_equivalent(Ts, T_reference)
-        Ts_new_old = invert(new) @ Ts
-        posed = []
-        for slot, T, T_new_old in zip(slots, new, Ts_new_old, strict=True):
-            points = self._moved(slot.points, slot.coverage, T_new_old)
-            flow_points = self._moved(slot.flow_points, slot.flow_coverage, T_new_old)
-            posed.append(dataclasses.replace(slot, points=points, flow_points=flow_points, T_crop_part=T))
-        return posed
+        Ts = self.part.symmetries.closest_equivalent(slots.Ts_crop_part, T_reference)
+        Ts_new_old = invert(Ts) @ slots.Ts_crop_part
+        Ts_new_old[:, :3, 3] /= self.part.diameter_m
+        points = move_points(slots.points, slots.coverage, Ts_new_old)
+        flow = replace(slots.flow, points=move_points(slots.flow.points, slots.flow.coverage, Ts_new_old))
+        return replace(slots, points=points, flow=flow, Ts_crop_part=Ts)
 
-    def _moved(
-        self, points: Float[Tensor, "cells 3"], coverage: Float[Tensor, "cells"], T_new_old: Float[np.ndarray, "4 4"]
-    ) -> Float[Tensor, "cells 3"]:
-        moved = transform_points(T_new_old, self._diameter_m * points.double().numpy()) / self._diameter_m
-        return torch.tensor(moved, dtype=torch.float32) * (coverage > 0)[:, None]
-
-
-def _stack(sets: list[list[_Slot]], diameter_m: float) -> TemplateTokens:
-    def stacked(name: str) -> Tensor:
-        return torch.stack([torch.stack([getattr(slot, name) for slot in own]) for own in sets])
-
-    Ts = torch.tensor(np.array([[slot.T_crop_part for slot in own] for own in sets]), dtype=torch.float32)
-    half_tangent = torch.tensor([[slot.half_tangent for slot in own] for own in sets])
-    return TemplateTokens(
-        stacked("tokens"),
-        stacked("descriptors"),
-        stacked("points"),
-        stacked("coverage"),
-        ViewPoses.of(Ts, half_tangent),
-        torch.full((len(sets),), diameter_m),
-        FlowCells(stacked("flow_descriptors"), stacked("flow_points"), stacked("flow_coverage")),
-    )
+    def _templates_of(self, sets: list[_Slot]) -> TemplateTokens:
+        slots = _Slot.stack(sets)
+        return TemplateTokens(
+            slots.tokens,
+            slots.descriptors,
+            slots.points,
+            slots.coverage,
+            ViewPoses.of(torch.tensor(slots.Ts_crop_part, dtype=torch.float32), slots.half_tangent),
+            torch.full(slots.half_tangent.shape, self.part.diameter_m),
+            slots.flow,
+        )

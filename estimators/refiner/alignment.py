@@ -7,18 +7,18 @@ surface that it shows: ``dM = -grad M . du``, where du is how the surface point'
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor
 
 from simpick.estimators.refiner.blurring import blur, central_differences, eroded
 from simpick.estimators.refiner.config import RefinerConfig
 from simpick.estimators.refiner.rendered_maps import RenderedMaps, pixel_offsets
 from simpick.geometry import so3_exp
+from simpick.tensor_record import TensorRecord
 
 _LIGHT_ROUNDS = 2
 """Rounds of reweighting when the light is fitted."""
@@ -27,7 +27,7 @@ _LIGHT_RIDGE = 3e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Target:
+class Target(TensorRecord):
     """Maps of the image to align with, one row a crop; the same all through a level."""
 
     brightness: Float[Tensor, "n size size"]
@@ -53,18 +53,6 @@ class Target:
         """Return the target that these maps of the image make."""
         core = eroded((mask > 0.5).float())
         return Target(brightness, mask, trust, core, blur(core, blur_px, stride), focal_px, blur_px, stride)
-
-    def rows(self, index: Int[Tensor, "m"]) -> Target:
-        """Return these rows, in this order and as often."""
-        return dataclasses.replace(
-            self,
-            brightness=self.brightness[index],
-            mask=self.mask[index],
-            trust=self.trust[index],
-            core=self.core[index],
-            blurred_core=self.blurred_core[index],
-            focal_px=self.focal_px[index],
-        )
 
 
 @dataclass(frozen=True, eq=False)

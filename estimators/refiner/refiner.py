@@ -10,17 +10,18 @@ import torch
 from jaxtyping import Bool, Float, Int
 
 from simpick.assets.part import Part
-from simpick.errors import ConfigError, UnknownNameError
-from simpick.estimators.pose_clusters import cluster_hypotheses
+from simpick.errors import ConfigError
+from simpick.estimators.pose_clusters import best_per_group, cluster_hypotheses
 from simpick.estimators.refiner.alignment import Alignment, Target, align
 from simpick.estimators.refiner.config import AlignmentLevel, RefinerConfig
 from simpick.estimators.refiner.levenberg_marquardt import minimise
 from simpick.estimators.refiner.part_renderers import PartRenderers
 from simpick.estimators.refiner.query_maps import QueryMaps, query_maps
 from simpick.estimators.refiner.rendered_maps import rendered_maps
-from simpick.estimators.valid_detections import detection_mask
+from simpick.estimators.valid_detections import check_onboarded, detection_mask, has_shape
 from simpick.geometry import VirtualCameras, box_of_mask, invert
 from simpick.records import CameraFrame, Detection, PoseHypothesis
+from simpick.tensor_record import TensorRecord
 
 _SOFTNESS = 0.35
 """Misfit at which the score is 1/e."""
@@ -62,14 +63,10 @@ class Refiner:
             raise ConfigError(
                 f"there must be one list of hypotheses for each detection, got {len(hypotheses)} for {len(detections)}"
             )
-        for detection in detections:
-            if detection.part not in self._parts:
-                raise UnknownNameError(
-                    "onboarded part", detection.part, self._parts, "Call onboard(part) before refine()."
-                )
+        check_onboarded(detections, self._parts)
         masks = [detection_mask(detection, frame) for detection in detections]
         usable = [[h for h in own if _is_sound(h.T_camera_part)] for own in hypotheses]
-        rows = [k for k, mask in enumerate(masks) if usable[k] and _is_comparable(mask)]
+        rows = [k for k, mask in enumerate(masks) if usable[k] and has_shape(mask, _LEAST_MASK_PX)]
         answers = [tuple(own) for own in hypotheses]
         if rows:
             refined = self._refine(frame, masks, [detections[k].part for k in rows], rows, [usable[k] for k in rows])
@@ -156,7 +153,7 @@ class Refiner:
 
 
 @dataclass(frozen=True, eq=False)
-class _State:
+class _State(TensorRecord):
     """All hypotheses of one part's detections between two levels."""
 
     detection: Int[np.ndarray, "n"]
@@ -176,14 +173,7 @@ class _State:
 
     def best(self, count: int) -> _State:
         """Return the `count` best hypotheses of each detection, in the order that they have."""
-        order = np.lexsort([self.misfit, self.detection])
-        first = np.searchsorted(self.detection[order], self.detection[order])
-        kept = np.sort(order[np.arange(len(order)) - first < count])
-        return self.rows(kept)
-
-    def rows(self, kept: Int[np.ndarray, "k"]) -> _State:
-        """Return these hypotheses."""
-        return _State(self.detection[kept], self.Ts_camera_part[kept], self.Ts_ahead[kept], self.misfit[kept])
+        return self.rows(np.sort(best_per_group(self.detection, self.misfit, count)))
 
 
 class _LevelSearch:
@@ -217,13 +207,6 @@ class _LevelSearch:
         with torch.inference_mode():
             target = self._target.rows(torch.from_numpy(self._row[rows]))
             return align(target, rendered_maps(depth_m, origin_m, target.focal_px), centres, self._config)
-
-
-def _is_comparable(mask: Bool[np.ndarray, "height width"]) -> bool:
-    if np.count_nonzero(mask) < _LEAST_MASK_PX:
-        return False
-    box = box_of_mask(mask)
-    return bool((box[2:] - box[:2] >= 2).all())
 
 
 def _is_sound(T_camera_part: Float[np.ndarray, "4 4"]) -> bool:

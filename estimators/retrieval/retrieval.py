@@ -14,11 +14,10 @@ from jaxtyping import Float
 
 from simpick.assets.part import Part
 from simpick.config import Config, PositiveFloat
-from simpick.errors import UnknownNameError
 from simpick.estimators.retrieval.descriptors import CROP_PX, describe, luminance
 from simpick.estimators.retrieval.template_index import Matches, TemplateIndex, load_index
 from simpick.estimators.retrieval.turned_crops import PADDING
-from simpick.estimators.valid_detections import valid_detections
+from simpick.estimators.valid_detections import check_onboarded, valid_detections
 from simpick.geometry import CropBatch, crop_images, transform
 from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
 from simpick.rendering import TemplateConfig
@@ -85,11 +84,8 @@ class RetrievalEstimator:
     ) -> list[list[PoseEstimate]]:
         """Return what `estimate` returns for each frame; the crops of all are described and searched together."""
         start = time.perf_counter()
-        for detection in (d for found in detections for d in found):
-            if detection.part not in self._indices:
-                raise UnknownNameError(
-                    "onboarded part", detection.part, self._indices, "Call onboard(part) before estimate()."
-                )
+        for found in detections:
+            check_onboarded(found, self._indices)
         cropped = [self._crop(frame, found) for frame, found in zip(frames, detections, strict=True)]
         kept = [(k, d) for k, (found, _) in enumerate(cropped) for d in found]
         estimates: list[list[PoseEstimate]] = [[] for _ in frames]
@@ -117,11 +113,12 @@ class RetrievalEstimator:
 
     def _crop(self, frame: CameraFrame, detections: Sequence[Detection]) -> tuple[list[Detection], CropBatch | None]:
         """Return the detections that can be answered, and their crops; None if there are none."""
-        answered = valid_detections(detections, frame, self.config.min_mask_px)
-        if not answered:
+        valid = valid_detections(detections, frame, self.config.min_mask_px)
+        if not valid:
             return [], None
-        kept, masks, boxes = (list(column) for column in zip(*answered, strict=True))
-        return kept, crop_images(frame.rgb, frame.camera, np.stack(boxes), CROP_PX, masks=masks, padding=PADDING)
+        masks, boxes = [v.mask for v in valid], np.stack([v.box_xyxy_px for v in valid])
+        crops = crop_images(frame.rgb, frame.camera, boxes, CROP_PX, masks=masks, padding=PADDING)
+        return [v.detection for v in valid], crops
 
     def _search(self, part: str, queries: torch.Tensor) -> Matches:
         config = self.config

@@ -20,7 +20,7 @@ from simpick.errors import ConfigError, SimpickError
 from simpick.estimators.raypose.checkpoints import load_checkpoint, save_checkpoint
 from simpick.estimators.raypose.diffusion.schedule import make_schedule
 from simpick.estimators.raypose.network.config import RayPoseConfig
-from simpick.estimators.raypose.network.dino_encoder import load_dino_weights
+from simpick.estimators.raypose.network.encoders.dino_encoder import load_dino_weights
 from simpick.estimators.raypose.network.losses import weighted_sum
 from simpick.estimators.raypose.network.model import RayPose
 from simpick.training.config import TrainConfig

@@ -9,10 +9,12 @@ from torch import Tensor
 from simpick.estimators.raypose.diffusion.schedule import Schedule
 from simpick.estimators.raypose.diffusion.x0_parameterization import add_noise
 from simpick.estimators.raypose.network import losses
+from simpick.estimators.raypose.network.cell_geometry import coarser_geometry
+from simpick.estimators.raypose.network.initial_poses import InitialPoses
 from simpick.estimators.raypose.network.matching import MIN_COVERAGE
-from simpick.estimators.raypose.network.model import RayPose, halved_geometry
+from simpick.estimators.raypose.network.model import RayPose
 from simpick.estimators.raypose.network.pose_maps import encode_pose_maps
-from simpick.estimators.raypose.network.tokens import InitialPoses, TemplateTokens
+from simpick.estimators.raypose.network.tokens import TemplateTokens
 from simpick.training.data.batches import TrainingBatch
 from simpick.training.data.flow_targets import flow_terms
 
@@ -31,8 +33,8 @@ def loss_terms(
     noise = torch.randn(target.shape, generator=generator).to(target.device)
     predicted = model.denoise(add_noise(target, noise, log_snr), log_snr, conditioning).float()
     terms = losses.pose_map_losses(predicted, target, batch.truth, conditioning.reference, config.padding)
-    if conditioning.matched is not None:
-        terms |= _matching(model, batch, templates, conditioning.matched)
+    if conditioning.initial is not None:
+        terms |= _matching(model, batch, templates, conditioning.initial)
     return terms
 
 
@@ -44,22 +46,20 @@ def matching_terms(model: RayPose, batch: TrainingBatch) -> dict[str, Float[Tens
 
 
 def _matching(
-    model: RayPose, batch: TrainingBatch, templates: TemplateTokens, first: InitialPoses
+    model: RayPose, batch: TrainingBatch, templates: TemplateTokens, initial: InitialPoses
 ) -> dict[str, Float[Tensor, ""]]:
-    config, reference, matches = model.config, model.reference(templates), first.matches
-    points, covered = templates.points, templates.coverage >= MIN_COVERAGE
+    config, reference, matches = model.config, model.reference(templates), initial.matches
     query_points, coverage = batch.points, batch.coverage
     if config.flow:
-        query_points, coverage = halved_geometry(query_points, coverage)
-    seen = coverage > 0.5
-    if config.multiview:
-        points, covered = points.flatten(1, 2), covered.flatten(1, 2)
-    else:
-        views = points.shape[1]
-        points, covered = points.flatten(0, 1), covered.flatten(0, 1)
-        query_points, seen = query_points.repeat_interleave(views, 0), seen.repeat_interleave(views, 0)
+        query_points, coverage = coarser_geometry(query_points, coverage)
+    # Without multiview, each query is matched once with each of its templates.
+    groups = len(matches.points)
+    query_points, seen = (x.repeat_interleave(groups // len(batch), 0) for x in (query_points, coverage > 0.5))
+    points = templates.points.reshape(groups, -1, 3)
+    covered = templates.coverage.reshape(groups, -1) >= MIN_COVERAGE
     target = encode_pose_maps(batch.truth, reference, config.map_cells, config.padding)
-    maps = model.maps_of(first.solved, templates).reshape(target.shape).float()
+    solved = initial.solved.map(lambda x: x.reshape(*target.shape[:2], *x.shape[2:]))
+    maps = model.pose_maps(solved, templates).float()
     terms = {
         "matching": losses.matching(matches.log_probabilities.float(), query_points, seen, points, covered),
         "matched_points": losses.matched_points(matches.points.float(), query_points, seen),
@@ -67,4 +67,4 @@ def _matching(
         + losses.translation_reconstruction(maps[..., 3:], target[..., 3:])
         + losses.translation_xyz(maps[..., 3:], batch.truth, reference, config.padding),
     }
-    return terms if first.flow is None else terms | flow_terms(model, batch, first.flow)
+    return terms if initial.flow is None else terms | flow_terms(model, batch, initial.flow)

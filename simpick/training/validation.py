@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from simpick.estimators.raypose.diffusion.schedule import Schedule
 from simpick.estimators.raypose.network.config import RayPoseConfig
-from simpick.estimators.raypose.network.consensus import combine_views
+from simpick.estimators.raypose.network.consensus import consensus_pose
 from simpick.estimators.raypose.network.model import RayPose
 from simpick.estimators.raypose.sample_views import sample_views
 from simpick.training.config import TrainConfig
@@ -68,6 +68,6 @@ class Validation:
         conditioning = model.condition(model.encode_query(batch.query), templates)
         generator = torch.Generator().manual_seed(self._config.seed)
         views = sample_views(model, conditioning, schedule, self._config.validation_steps, generator)
-        pose = combine_views(views)
+        pose = consensus_pose(views)
         ratio = pose.half_extent_at_depth_m / batch.truth.half_extent_at_depth_m[:, 0]
         return pose.R.double().cpu().numpy(), pose.centre.cpu().numpy(), ratio.cpu().numpy()

@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[2]
 
 # A room may import rooms of its own layer or of earlier ones.
 LAYERS = [
-    {"errors", "records", "geometry", "caching", "run_folder", "workers"},
+    {"errors", "records", "geometry", "caching", "config", "run_folder", "tensor_record", "workers"},
     {"assets"},
     {"scene", "rendering"},
     {"grasping", "motion", "bop", "estimators"},

@@ -19,19 +19,19 @@ def align_turns(
 def view_angles(
     Rs_view_part: Float[np.ndarray, "n 3 3"], R_crop_part: Float[np.ndarray, "3 3"]
 ) -> Float[np.ndarray, "n"]:
-    """Return the angles in radians between viewing directions, turns about the optical axis left aside."""
+    """Return the angles in radians between viewing directions, ignoring turns about the optical axis."""
     return np.arccos(np.clip(Rs_view_part[:, 2] @ R_crop_part[2], -1.0, 1.0))
 
 
 def spread_over_sphere(Rs_view_part: Float[np.ndarray, "n 3 3"], count: int) -> Int[np.ndarray, "count"]:
-    """Return the views of a fixed set of coarse templates: as far from one another as can be."""
+    """Return the views of the fixed set of coarse templates, by farthest-point sampling."""
     return farthest_points(Rs_view_part[:, 2], count)
 
 
 def draw_over_sphere(
     Rs_view_part: Float[np.ndarray, "n 3 3"], count: int, rng: np.random.Generator, *, fixed: bool = False
 ) -> Int[np.ndarray, "count"]:
-    """Return the views for a coarse predictor's training: random ones about evenly spread, or the fixed set."""
+    """Return the views for a coarse predictor's training: random ones, about evenly spread, or the fixed set."""
     if fixed:
         return spread_over_sphere(Rs_view_part, count)
     directions = spread_directions(count) @ so3_exp(np.pi * rng.uniform(-1, 1, 3)).T
@@ -60,7 +60,7 @@ def draw_around(
     if len(near) < count:
         near = np.argsort(angles)[: max(count, len(near))]
     views = rng.choice(near, count, replace=False)
-    # What the viewing direction leaves of the spread is for the turn.
+    # The turn gets what the viewing direction leaves of the spread.
     room = np.sqrt(np.maximum(spread_rad**2 - angles[views] ** 2, (0.2 * spread_rad) ** 2))
     return views, align_turns(Rs_view_part[views], R_crop_part) + rng.uniform(-1, 1, count) * 0.6 * room
 

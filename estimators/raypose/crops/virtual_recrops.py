@@ -1,6 +1,6 @@
-"""Crops of crops: a virtual camera turned about its axis and aimed anew, exactly, for many images at once.
+"""Crops of crops: virtual cameras that are turned about their axes and aimed again, exactly and for many images.
 
-Templates are turned and cropped this way as a query is, and training turns and shifts queries the same way.
+Templates are turned and cropped this way, turned queries too, and training turns and shifts queries the same way.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from torch.nn import functional as F
 
 from simpick.geometry import Pinhole, aim_virtual_cameras, so3_exp
 
-# A camera whose pixels are thousandths of a tangent: boxes of any source camera can be told in it.
+# A camera whose pixels are thousandths of a tangent, so that boxes of any source camera can be expressed in it.
 _TANGENTS = Pinhole(4000, 4000, 1000.0, 1000.0, 2000.0, 2000.0)
 
 
@@ -36,11 +36,11 @@ class VirtualRecrops:
         return self.size_px / 2 / self.focal_px
 
     def halved(self) -> VirtualRecrops:
-        """Return the same views with half as many pixels a side: enough where only means over cells are wanted."""
+        """Return the same views with half as many pixels per side: enough where only means over cells are needed."""
         return VirtualRecrops(self.size_px // 2, self.focal_px / 2, self.Rs_crop_source)
 
 
-def aim_recrops(
+def aim_virtual_recrops(
     source_px: int,
     source_focal_px: Float[np.ndarray, "n"],
     angles_rad: Float[np.ndarray, "n"],
@@ -49,7 +49,7 @@ def aim_recrops(
     *,
     padding: float,
 ) -> VirtualRecrops:
-    """Return the crops of boxes in square source images that are turned clockwise by the angles first.
+    """Return virtual cameras on boxes in square source images that are first turned clockwise by the angles.
 
     Boxes are those of the turned images, in the source's pixels; principal points are in the middle.
 
@@ -62,12 +62,12 @@ def aim_recrops(
     return VirtualRecrops(size_px, aimed.focal_px, aimed.Rs_crop_camera @ Rs_turned_source)
 
 
-def sample_recrops(
+def sample_virtual_recrops(
     images: Float[Tensor, "n channels source source"], source_focal_px: Float[np.ndarray, "n"], recrops: VirtualRecrops
 ) -> Float[Tensor, "n channels size size"]:
-    """Return the images as the crops' cameras see them, 0 where the source ends."""
+    """Return the images resampled for the crops' cameras, 0 beyond the source."""
     source, size = images.shape[-1], recrops.size_px
-    # (n, 3, 3): from crop pixels to the source's image as [-1, 1].
+    # (n, 3, 3): from crop pixels to [-1, 1] across the source image.
     K_source = np.zeros((len(recrops), 3, 3))
     K_source[:, 0, 0] = K_source[:, 1, 1] = source_focal_px * (2 / source)
     K_source[:, 2, 2] = 1.0

@@ -1,7 +1,7 @@
 """Sampling: from pure noise to clean maps by deterministic DDIM steps (Song et al. 2021) with a denoiser of M_0.
 
-The paper's reverse step (eq. 7) is written for predicted noise, although its loss predicts M_0; this is the step that
-fits the loss.
+Departure from the paper: its reverse step (eq. 7) is stochastic and written for predicted noise, although its loss
+(eq. 10) predicts M_0; this step is deterministic and follows from predicting M_0.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def sample(
     """Return clean maps; the same `noise` (unit Gaussian) gives the same maps.
 
     Raises:
-        ConfigError: the schedule does not have so many steps.
+        ConfigError: the schedule has fewer steps.
     """
     log_snrs = schedule.log_snrs[schedule.sampling_steps(steps)].tolist()
     maps = clean = noise

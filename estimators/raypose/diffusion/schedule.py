@@ -1,4 +1,4 @@
-"""Noise schedules: which signal-to-noise ratio each timestep has. Nothing here knows of networks or losses."""
+"""Noise schedules: the signal-to-noise ratio of each timestep, independent of networks and losses."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ class Schedule:
 def make_schedule(name: str = "log_snr", timesteps: int = TIMESTEPS) -> Schedule:
     """Return a schedule by name.
 
-    ``log_snr``: uniform from +2 to -9. A p x p map repeats one pose p^2 times, so that noise of the usual strength is
-    averaged away; most of a standard schedule's steps teach nothing about the image. ``cosine``: Nichol and Dhariwal
-    2021. ``linear``: betas from 1e-4 to 0.2, as RayDiffusion has it.
+    ``log_snr``: uniform from +2 to -9, our default. A p x p map repeats one pose p^2 times, so that noise of the usual
+    strength averages out and most steps of a standard schedule give no reason to use the image. ``cosine``: Nichol and
+    Dhariwal, 2021. ``linear``: betas from 1e-4 to 0.2, as in RayDiffusion.
 
     Raises:
         UnknownNameError: there is no such schedule.

@@ -1,4 +1,4 @@
-"""What the network predicts: the clean maps M_0 (paper, eq. 9), and what follows from that for noise and noisy maps."""
+"""The x0 parameterization: the network predicts the clean maps M_0 (paper, eq. 10); noisy maps and noise follow."""
 
 from __future__ import annotations
 

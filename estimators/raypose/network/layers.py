@@ -1,4 +1,4 @@
-"""Layers of fuser and decoder: attention, MLP, and the DiT block with adaLN-zero (Peebles and Xie 2023)."""
+"""Layers of fuser and decoder: attention, MLP, and the DiT block with adaLN-Zero (Peebles and Xie, ICCV 2023)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 KeysValues = tuple[Tensor, Tensor]
-"""Keys and values, each (batch, heads, tokens, width / heads)."""
+"""Keys and values, each (..., heads, tokens, width / heads)."""
 
 
 class Attention(nn.Module):
@@ -23,18 +23,20 @@ class Attention(nn.Module):
         self.to_kv = nn.Linear(width, 2 * width)
         self.out = nn.Linear(width, width)
 
-    def keys_values(self, tokens: Float[Tensor, "batch tokens width"]) -> KeysValues:
+    def keys_values(self, tokens: Float[Tensor, "*batch tokens width"]) -> KeysValues:
         """Return what `forward` needs of the tokens that are attended to."""
         k, v = self.to_kv(tokens).chunk(2, dim=-1)
         return self._split(k), self._split(v)
 
-    def forward(self, x: Float[Tensor, "batch tokens width"], kv: KeysValues) -> Float[Tensor, "batch tokens width"]:
-        """Return what each token gathers."""
-        attended = F.scaled_dot_product_attention(self._split(self.to_q(x)), *kv)
-        return self.out(attended.transpose(1, 2).flatten(2))
+    def forward(self, x: Float[Tensor, "*batch tokens width"], kv: KeysValues) -> Float[Tensor, "*batch tokens width"]:
+        """Return what each token gathers from the keys and values of its batch."""
+        # Torch's fused kernels take four dimensions.
+        q, k, v = (heads.flatten(0, -4) for heads in (self._split(self.to_q(x)), *kv))
+        attended = F.scaled_dot_product_attention(q, k, v)
+        return self.out(attended.transpose(1, 2).flatten(2)).reshape(x.shape)
 
     def _split(self, x: Tensor) -> Tensor:
-        return x.unflatten(-1, (self.heads, -1)).transpose(1, 2)  # (batch, heads, tokens, width / heads)
+        return x.unflatten(-1, (self.heads, -1)).transpose(-2, -3)  # (..., heads, tokens, width / heads)
 
 
 def mlp(width: int, ratio: int = 4) -> nn.Sequential:
@@ -52,15 +54,28 @@ class SelfAttentionBlock(nn.Module):
         self.norm_mlp = nn.LayerNorm(width)
         self.mlp = mlp(width)
 
-    def forward(self, x: Float[Tensor, "batch tokens width"]) -> Float[Tensor, "batch tokens width"]:
-        """Return the tokens after they have seen one another."""
-        normed = self.norm_attention(x)
-        x = x + self.attention(normed, self.attention.keys_values(normed))
+    def forward(self, x: Float[Tensor, "*batch tokens width"]) -> Float[Tensor, "*batch tokens width"]:
+        """Return the tokens after self-attention and MLP."""
+        h = self.norm_attention(x)
+        x = x + self.attention(h, self.attention.keys_values(h))
         return x + self.mlp(self.norm_mlp(x))
 
 
+def modulate(x: Tensor, shift: Tensor, scale: Tensor) -> Tensor:
+    """Return x (1 + scale) + shift."""
+    return x * (1 + scale) + shift
+
+
+def adaln_modulation(width: int, chunks: int) -> nn.Sequential:
+    """Return the layer that predicts shifts, scales and gates; all of them start at zero."""
+    linear = nn.Linear(width, chunks * width)
+    nn.init.zeros_(linear.weight)
+    nn.init.zeros_(linear.bias)
+    return nn.Sequential(nn.SiLU(), linear)
+
+
 class DiTBlock(nn.Module):
-    """Self-attention, cross-attention and MLP, each scaled, shifted and gated by the noise level (adaLN-zero)."""
+    """Self-attention within each view, cross-attention to the context, and MLP, conditioned by adaLN-Zero."""
 
     def __init__(self, width: int, heads: int) -> None:
         super().__init__()
@@ -70,27 +85,20 @@ class DiTBlock(nn.Module):
         self.cross_attention = Attention(width, heads)
         self.norm_mlp = nn.LayerNorm(width, elementwise_affine=False)
         self.mlp = mlp(width)
-        self.modulation = nn.Linear(width, 9 * width)
-        nn.init.zeros_(self.modulation.weight)
-        nn.init.zeros_(self.modulation.bias)
+        self.adaLN_modulation = adaln_modulation(width, 9)
 
     def forward(
-        self,
-        x: Float[Tensor, "batch views tokens width"],
-        kv: KeysValues,
-        noise_level: Float[Tensor, "batch width"],
+        self, x: Float[Tensor, "batch views tokens width"], context: KeysValues, timestep: Float[Tensor, "batch width"]
     ) -> Float[Tensor, "batch views tokens width"]:
-        """Return the tokens after one block: those of one view see one another, and all see what `kv` is made of."""
-        shift_s, scale_s, gate_s, shift_c, scale_c, gate_c, shift_m, scale_m, gate_m = self.modulation(
-            F.silu(noise_level)
-        )[:, None, None].chunk(9, dim=-1)  # each (batch, 1, 1, width)
-        batch, views = x.shape[:2]
-        h = (self.norm_self(x) * (1 + scale_s) + shift_s).flatten(0, 1)  # (batch * views, tokens, width)
-        h = self.self_attention(h, self.self_attention.keys_values(h))
-        x = x + gate_s * h.unflatten(0, (batch, views))
-        h = (self.norm_cross(x) * (1 + scale_c) + shift_c).flatten(1, 2)  # (batch, views * tokens, width)
-        x = x + gate_c * self.cross_attention(h, kv).unflatten(1, (views, -1))
-        h = self.norm_mlp(x) * (1 + scale_m) + shift_m
+        """Return the tokens after one block; `timestep` is the embedded noise level."""
+        shift_s, scale_s, gate_s, shift_c, scale_c, gate_c, shift_m, scale_m, gate_m = self.adaLN_modulation(timestep)[
+            :, None, None
+        ].chunk(9, dim=-1)  # each (batch, 1, 1, width)
+        h = modulate(self.norm_self(x), shift_s, scale_s)
+        x = x + gate_s * self.self_attention(h, self.self_attention.keys_values(h))
+        h = modulate(self.norm_cross(x), shift_c, scale_c).flatten(1, 2)  # (batch, views * tokens, width)
+        x = x + gate_c * self.cross_attention(h, context).view(x.shape)
+        h = modulate(self.norm_mlp(x), shift_m, scale_m)
         return x + gate_m * self.mlp(h)
 
 
@@ -104,7 +112,7 @@ class TimestepEmbedder(nn.Module):
         self.mlp = nn.Sequential(nn.Linear(2 * self._FREQUENCIES, width), nn.SiLU(), nn.Linear(width, width))
 
     def forward(self, log_snr: Float[Tensor, "batch"]) -> Float[Tensor, "batch width"]:
-        """Return one embedding for each noise level."""
+        """Return one embedding per noise level."""
         bands = torch.exp(torch.linspace(0, math.log(100.0), self._FREQUENCIES, device=log_snr.device))
         angles = log_snr[:, None] * bands * 0.1
         return self.mlp(torch.cat([angles.sin(), angles.cos()], dim=-1))

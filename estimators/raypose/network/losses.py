@@ -1,4 +1,4 @@
-"""The paper's losses (sec. 3.4), one function an equation, and the matching loss of this implementation."""
+"""The paper's losses (sec. 3.4), one function per equation, and the losses of matching and flow, which are ours."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Maps = Float[Tensor, "*batch p p channels"]
 
 @dataclass(frozen=True)
 class LossWeights(Config):
-    """How much each term counts; the paper leaves its weights open."""
+    """Weight of each term; the paper does not state its own."""
 
     ray_reconstruction: NonNegativeFloat = 1.0
     ray_cosine: NonNegativeFloat = 0.5
@@ -33,7 +33,7 @@ class LossWeights(Config):
 
 
 def ray_reconstruction(predicted: Maps, target: Maps) -> Float[Tensor, ""]:
-    """Return 1/p^2 |M_R - M_R*|^2, averaged over the batch (eq. 10)."""
+    """Return 1/p^2 |M_R - M_R*|^2, averaged over the batch (eq. 11)."""
     return (predicted - target).square().sum(dim=-1).mean()
 
 
@@ -43,7 +43,7 @@ def ray_cosine(predicted: Maps, target: Maps) -> Float[Tensor, ""]:
 
 
 def ray_consistency(predicted: Maps) -> Float[Tensor, ""]:
-    """Return the mean squared difference between neighbouring rays' angles and those of the canonical rays (eq. 11)."""
+    """Return the mean squared difference between neighbouring rays' angles and those of the canonical rays (eq. 12)."""
     canonical = canonical_rays(predicted.shape[-2], device=predicted.device).to(predicted.dtype)
     errors = [
         (angles - expected).square().flatten(-2)
@@ -53,12 +53,12 @@ def ray_consistency(predicted: Maps) -> Float[Tensor, ""]:
 
 
 def translation_reconstruction(predicted: Maps, target: Maps) -> Float[Tensor, ""]:
-    """Return 1/p^2 |M_T - M_T*|^2, averaged over the batch (eq. 13)."""
+    """Return 1/p^2 |M_T - M_T*|^2, averaged over the batch (eq. 14)."""
     return (predicted - target).square().sum(dim=-1).mean()
 
 
 def translation_xyz(predicted: Maps, query: ViewPoses, reference: ViewPoses, padding: float) -> Float[Tensor, ""]:
-    """Return the L1 error of the decoded x, y and z (eq. 14), x and y in reaches of the query, z in its depth.
+    """Return the L1 error of the decoded x, y and z (eq. 15), x and y in half extents of the query, z in its depth.
 
     Relative, so that large and distant parts do not count more; `query` is the truth.
     """
@@ -78,9 +78,9 @@ def matching(
     *,
     sigma: float = 0.035,
 ) -> Float[Tensor, ""]:
-    """Return the cross-entropy between what query cells match and what shows the same place of the part.
+    """Return the cross-entropy between the matches of query cells and the template cells near the true point.
 
-    Positions are in diameters, in the part's frame. A query cell whose place no template cell shows is left out.
+    Positions are in diameters, in the part's frame. Query cells whose point no template cell shows are left out.
     """
     nearness = torch.cdist(query_points, template_points).square() / (-2 * sigma**2)
     target = nearness.exp() * template_valid[:, None]
@@ -95,7 +95,7 @@ def matched_points(
     query_points: Float[Tensor, "batch query_cells 3"],
     query_valid: Bool[Tensor, "batch query_cells"],
 ) -> Float[Tensor, ""]:
-    """Return the mean distance between matched and true places, in diameters; far-off ones count no further."""
+    """Return the mean distance between matched and true points, in diameters; large distances saturate."""
     error = (points - query_points).norm(dim=-1)
     # Some cells show what no template shows.
     error = 0.15 * torch.tanh(error / 0.15)
@@ -109,7 +109,7 @@ def flow_matching(
     valid: Bool[Tensor, "batch cells"],
     unit: float,
 ) -> Float[Tensor, ""]:
-    """Return the cross-entropy between where template cells are looked for and where the query shows them.
+    """Return the cross-entropy between the measured and the true offsets of template cells.
 
     `unit` is a cell's width; the target is a normal distribution of 0.6 cells around the true offset.
     """
@@ -125,7 +125,7 @@ def flow_offset(
     valid: Bool[Tensor, "batch cells"],
     unit: float,
 ) -> Float[Tensor, ""]:
-    """Return the mean distance between measured and true offsets, in cells; far-off ones count no further."""
+    """Return the mean distance between measured and true offsets, in cells; large distances are clamped."""
     error = ((offset - wanted) / unit).norm(dim=-1).clamp(max=4.0)
     return (error * valid).sum() / valid.sum().clamp_min(1)
 
@@ -138,7 +138,7 @@ def flow_pose(
     centre_true: Float[Tensor, "batch 2"],
     log_scale_true: Float[Tensor, "batch"],
 ) -> Float[Tensor, ""]:
-    """Return the L1-like error of a pose: chordal distance, centre in half sides, log scale; far-off ones saturate."""
+    """Return the L1-like error of a pose: chordal distance, centre in half sides, log scale; large errors saturate."""
     turn = (R - R_true).square().sum(dim=(-2, -1)).clamp_min(1e-12).sqrt()
     shift = (centre - centre_true).abs().sum(dim=-1).clamp(max=0.3)
     size = (log_scale - log_scale_true).abs().clamp(max=0.3)
@@ -152,7 +152,7 @@ def pose_map_losses(
     reference: ViewPoses,
     padding: float,
 ) -> dict[str, Float[Tensor, ""]]:
-    """Return the paper's terms by the names of `LossWeights`."""
+    """Return the paper's terms, by the names of `LossWeights`."""
     return {
         "ray_reconstruction": ray_reconstruction(predicted[..., :3], target[..., :3]),
         "ray_cosine": ray_cosine(predicted[..., :3], target[..., :3]),
@@ -163,7 +163,7 @@ def pose_map_losses(
 
 
 def weighted_sum(terms: dict[str, Float[Tensor, ""]], weights: LossWeights) -> Float[Tensor, ""]:
-    """Return the overall loss (eq. 16)."""
+    """Return the overall loss (eq. 17)."""
     return torch.stack([getattr(weights, name) * value for name, value in terms.items()]).sum()
 
 

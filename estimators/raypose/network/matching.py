@@ -1,7 +1,7 @@
-"""Matching: for each cell of the query, which template geometry its descriptor looks like.
+"""Matching: for each cell of the query, the point of the part that the templates' descriptors assign to it.
 
-Not in the paper. Cross-attention can learn to do this, but needs millions of samples to begin; a descriptor with a
-contrastive loss begins at once, and rendered templates know where in the part each of their cells lies.
+Not in the paper. Cross-attention can learn this too, but needs millions of samples to begin; descriptors with a
+contrastive loss learn from the start, and the surface points that a rendered template shows are known.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from simpick.estimators.raypose.network.pose_maps import ViewPoses
-from simpick.estimators.raypose.network.pose_solver import SolvedPoses
+from simpick.tensor_record import TensorRecord
 
 MIN_COVERAGE = 0.3
-"""A template cell of which the part covers less cannot be matched."""
+"""Template cells that the part covers less are not matched."""
 FEATURES = 11
 """Of `Matches.features`."""
 
 
 @dataclass(frozen=True, eq=False)
-class Matches:
-    """What each query cell matched, over all templates that it could see."""
+class Matches(TensorRecord):
+    """What each query cell matched among the cells of all templates."""
 
     log_probabilities: Float[Tensor, "batch query_cells template_cells"]
-    """Of template cells (templates x cells of each), for each query cell."""
+    """Of template cells (all templates, one after the other), for each query cell."""
     points: Float[Tensor, "batch query_cells 3"]
     """Expected position in the part's frame, in diameters."""
     spread: Float[Tensor, "batch query_cells"]
@@ -36,26 +36,26 @@ class Matches:
     similarity: Float[Tensor, "batch query_cells"]
     """Cosine of the most similar descriptor."""
     weights: Float[Tensor, "batch query_cells"]
-    """How much each cell is to be trusted, in [0, 1]."""
+    """Learned trust in each cell's match, in [0, 1]."""
 
     def features(
         self,
-        solved: SolvedPoses,
+        residuals: Float[Tensor, "batch views query_cells 2"],
         reference: ViewPoses,
         scale: Float[Tensor, "batch views"],
         coverage: Float[Tensor, "batch query_cells"],
-        places: Float[Tensor, "batch query_cells 2"],
+        pixel_centroids: Float[Tensor, "batch query_cells 2"],
     ) -> Float[Tensor, "batch views query_cells 11"]:
-        """Return what the decoder is told of each cell, for each view.
+        """Return the decoder's input for each cell and view.
 
-        Where in the reference view the match lies (3), the solved pose's residual (2), its place (2), spread,
-        similarity, weight and coverage. `scale` is the part's diameter over each reference view's reach.
+        The matched point in the reference view (3), its residual in the initial pose (2), spread, similarity, weight,
+        coverage, and the centroid of the cell's pixels (2). `scale` is the part's diameter over the reference view's
+        half extent.
         """
-        turned = torch.einsum("bkij,bnj->bkni", reference.R, self.points) * scale[..., None, None]
-        views = turned.shape[1]
+        matched = torch.einsum("bkij,bnj->bkni", reference.R, self.points) * scale[..., None, None]
         own = torch.stack([self.spread * 4, self.similarity, self.weights, coverage], dim=-1)  # (batch, cells, 4)
-        shared = torch.cat([own, places], dim=-1)
-        return torch.cat([turned, 4 * solved.residuals, shared[:, None].expand(-1, views, -1, -1)], dim=-1)
+        shared = torch.cat([own, pixel_centroids], dim=-1)[:, None].expand(-1, matched.shape[1], -1, -1)
+        return torch.cat([matched, 4 * residuals, shared], dim=-1)
 
 
 class Matcher(nn.Module):
@@ -68,7 +68,7 @@ class Matcher(nn.Module):
         self.trust = nn.Sequential(nn.Linear(width + 3, 32), nn.ReLU(), nn.Linear(32, 1))
 
     def describe(self, features: Float[Tensor, "batch inputs h w"]) -> Float[Tensor, "batch cells width"]:
-        """Return one descriptor for each cell, row by row."""
+        """Return one descriptor per cell, row by row."""
         return F.normalize(self.project(features).flatten(2).mT, dim=-1)
 
     def match(
@@ -89,6 +89,6 @@ class Matcher(nn.Module):
         square = (weights @ points.square()).sum(dim=-1)
         spread = (square - mean.square().sum(dim=-1) + 1e-6).clamp_min(1e-6).sqrt()
         similarity = cosine.masked_fill(~covered, -1.0).amax(dim=-1)
-        hints = torch.stack([spread * 4, similarity, query_coverage], dim=-1)
-        trust = self.trust(torch.cat([query, hints], dim=-1)).squeeze(-1).sigmoid()
+        cues = torch.stack([spread * 4, similarity, query_coverage], dim=-1)
+        trust = self.trust(torch.cat([query, cues], dim=-1)).squeeze(-1).sigmoid()
         return Matches(log_probabilities, mean, spread, similarity, trust * (query_coverage > MIN_COVERAGE))

@@ -1,8 +1,9 @@
 """Pose maps: a pose relative to a reference view as a bundle of rays and a grid of offsets, and back (paper, sec. 3.2).
 
-A *view* is a virtual-camera crop: rotation R of the part in the crop's frame, the projection c of its origin in units
-of the crop's half side (-1 to 1 across the crop), and its *reach* h = t_z tan(half the crop's angle), the half side of
-the crop in metres at the part's depth. Intrinsics and distance enter by h alone.
+A *view* is a virtual-camera crop: rotation R of the part in the crop's frame, projection c of the part's origin in half
+crop sides (-1 to 1 across the crop), and half extent h = t_z tan(half the crop's angle), the half side of the crop in
+metres at the part's depth. Intrinsics and distance enter by h alone. Departure from the paper: the third channel of the
+translation map is the logarithm of the relative depth scale (eq. 8), with focal lengths of crops for zoom ratios.
 """
 
 from __future__ import annotations
@@ -14,17 +15,18 @@ from jaxtyping import Float
 from torch import Tensor
 
 from simpick.geometry.torch_rotations import kabsch
+from simpick.tensor_record import TensorRecord
 
 CHANNELS = 6
-"""Of a pose map: ray direction (3), offset from the part's projected origin in box sides (2), log of relative reach."""
+"""Of a pose map: ray direction (3), offset from the part's projected origin in box sides (2), log of relative scale."""
 
 
 @dataclass(frozen=True, eq=False)
-class ViewPoses:
-    """How parts stand in their crops; leading dimensions are free."""
+class ViewPoses(TensorRecord):
+    """Poses of parts in their crops; leading dimensions are free."""
 
     R: Float[Tensor, "*batch 3 3"]
-    """Turns the part's frame into the crop's."""
+    """R_crop_part."""
     centre: Float[Tensor, "*batch 2"]
     """Projection of the part's origin, in half crop sides from the crop's middle."""
     half_extent_at_depth_m: Float[Tensor, "*batch"]
@@ -55,7 +57,7 @@ def cell_centres(cells: int, *, device: torch.device | str | None = None) -> Flo
 
 
 def canonical_rays(cells: int, *, device: torch.device | str | None = None) -> Float[Tensor, "cells cells 3"]:
-    """Return the rays d* of the identity: unit vectors through the cells of a grid with K = I."""
+    """Return the rays d* of the identity: unit vectors through the cells of a grid with K = I (paper, eq. 1)."""
     grid = cell_centres(cells, device=device)
     rays = torch.cat([grid, torch.ones_like(grid[..., :1])], dim=-1)
     return rays / torch.linalg.vector_norm(rays, dim=-1, keepdim=True)
@@ -68,7 +70,7 @@ def encode_rotation(R: Float[Tensor, "*batch 3 3"], cells: int) -> Float[Tensor,
 
 
 def decode_rotation(rays: Float[Tensor, "*batch cells cells 3"]) -> Float[Tensor, "*batch 3 3"]:
-    """Return the rotation that turns the canonical rays closest to these (paper, eq. 2; SVD in float64)."""
+    """Return the rotation that maps the canonical rays closest to these (paper, eq. 2; SVD in float64)."""
     canonical = canonical_rays(rays.shape[-2], device=rays.device).to(rays.dtype).flatten(0, 1)
     flat = rays.flatten(-3, -2)
     return kabsch(canonical.expand(flat.shape), flat)
@@ -83,7 +85,7 @@ def encode_offsets(
 
 
 def decode_centre(offsets: Float[Tensor, "*batch cells cells 2"], padding: float) -> Float[Tensor, "*batch 2"]:
-    """Return the projected origin: the mean over the cells of where each says that it is."""
+    """Return the projected origin: the mean of the cells' predictions (paper, eq. 5)."""
     grid = cell_centres(offsets.shape[-2], device=offsets.device).to(offsets.dtype)
     return (grid - offsets * (2 / padding)).mean(dim=(-3, -2))
 
@@ -93,8 +95,8 @@ def encode_pose_maps(
 ) -> Float[Tensor, "*batch cells cells 6"]:
     """Return the maps of the query's pose relative to a reference view.
 
-    Rays of R_query R_reference^T, offsets from the query's own centre, and in every cell the log of the reach over the
-    reference's: the paper's relative depth scale with crops' focal lengths for its zoom.
+    Rays of R_query R_reference^T, offsets from the query's own centre, and in every cell the logarithm of the query's
+    half extent over the reference's.
     """
     rays = encode_rotation(query.R @ reference.R.mT, cells)
     offsets = encode_offsets(query.centre.expand(*rays.shape[:-3], 2), cells, padding)
@@ -103,7 +105,7 @@ def encode_pose_maps(
 
 
 def decode_pose_maps(maps: Float[Tensor, "*batch cells cells 6"], reference: ViewPoses, padding: float) -> ViewPoses:
-    """Return the view that `encode_pose_maps` was given, or the one closest to noisy maps. Differentiable."""
+    """Return the view that `encode_pose_maps` was given, or the one closest to noisy maps (eq. 9). Differentiable."""
     R = decode_rotation(maps[..., :3]) @ reference.R
     centre = decode_centre(maps[..., 3:5], padding)
     half_extent_at_depth_m = reference.half_extent_at_depth_m * maps[..., 5].mean(dim=(-2, -1)).exp()

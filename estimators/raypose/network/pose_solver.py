@@ -1,6 +1,6 @@
-"""Poses from matched points: robust Gauss-Newton on where each query cell's place of the part should appear.
+"""Poses from matched points: robust Gauss-Newton on the projections of points of the part.
 
-Not in the paper. It turns matches into a first answer for every template, which the diffusion decoder then corrects:
+Not in the paper. It turns matches into a first pose for each template, which the diffusion decoder then corrects:
 geometry that is known need not be learned.
 """
 
@@ -12,33 +12,42 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from simpick.estimators.raypose.network.pose_maps import ViewPoses
 from simpick.geometry.torch_rotations import so3_exp
+from simpick.tensor_record import TensorRecord
 
 ITERATIONS = 8
 _KERNEL = 0.12
-"""Half sides of the crop at which a residual counts half (Geman-McClure)."""
+"""Residual in half crop sides at which the Geman-McClure weight is 1/4."""
 _DAMPING = 1e-2
 """Of the normal equations, relative to the sum of weights or information; a flat part leaves some directions open."""
 _LARGEST_STEP = 0.5
-"""Radians, half sides, or logarithm of scale: how far one iteration may go."""
+"""Largest step per iteration, in radians, half sides, or logarithm of scale."""
 
 
 @dataclass(frozen=True, eq=False)
-class SolvedPoses:
-    """One pose for each start."""
+class SolvedPoses(TensorRecord):
+    """Poses as the solver parameterizes them; leading dimensions are free, mostly (batch, views)."""
 
-    R: Float[Tensor, "batch views 3 3"]
-    centre: Float[Tensor, "batch views 2"]
+    R: Float[Tensor, "*batch 3 3"]
+    centre: Float[Tensor, "*batch 2"]
     """Projection of the part's origin, in half crop sides."""
-    log_scale: Float[Tensor, "batch views"]
-    """Logarithm of the part's diameter over the view's reach."""
-    residuals: Float[Tensor, "batch views cells 2"]
-    """Where each cell's pixels are, less where its matched point appears, in half crop sides."""
+    log_scale: Float[Tensor, "*batch"]
+    """Logarithm of the part's diameter over the crop's half extent at the part's depth."""
+
+    @staticmethod
+    def of(views: ViewPoses, diameter_m: Float[Tensor, "*batch"]) -> SolvedPoses:
+        """Return the views' poses of parts of this diameter."""
+        return SolvedPoses(views.R, views.centre, (diameter_m / views.half_extent_at_depth_m).log())
+
+    def views(self, diameter_m: Float[Tensor, "*batch"]) -> ViewPoses:
+        """Return the poses as views: the inverse of `of`."""
+        return ViewPoses(self.R, self.centre, diameter_m / self.log_scale.exp())
 
 
 def solve_poses(
     points: Float[Tensor, "batch cells 3"],
-    places: Float[Tensor, "batch cells 2"],
+    observed: Float[Tensor, "batch cells 2"],
     weights: Float[Tensor, "batch cells"],
     half_tangent: Float[Tensor, "batch"],
     start: SolvedPoses,
@@ -47,11 +56,10 @@ def solve_poses(
     whitening: Float[Tensor, "batch cells 2 2"] | None = None,
     damping: float = _DAMPING,
 ) -> SolvedPoses:
-    """Return the poses that project `points` (part frame, diameters) closest to `places`, from each start.
+    """Return the poses that project `points` (part frame, diameters) closest to where they are `observed`.
 
-    `whitening` is a square root of each residual's information, if that is not the same in all directions. Every
-    iteration but the last is without gradient: the last, from where the others ended, carries the gradient of the
-    solution with respect to points, places and weights.
+    `whitening` is a square root of each residual's information matrix, if that is not isotropic. Only the last
+    iteration carries a gradient: that of the solution with respect to points, observations and weights.
     """
     # In single precision, whatever the network around runs in.
     with torch.autocast(points.device.type, enabled=False):
@@ -59,40 +67,36 @@ def solve_poses(
         pose = start
         with torch.no_grad():
             for _ in range(iterations - 1):
-                pose = _step(points, places, weights, half_tangent, pose, whitening, damping)
-        pose = _step(points, places, weights, half_tangent, pose, whitening, damping)
-        residuals = residuals_of(points, places, half_tangent, pose)
-        return SolvedPoses(pose.R, pose.centre, pose.log_scale, residuals)
+                pose = _step(points, observed, weights, half_tangent, pose, whitening, damping)
+        return _step(points, observed, weights, half_tangent, pose, whitening, damping)
 
 
 def support(
     points: Float[Tensor, "batch cells 3"],
-    places: Float[Tensor, "batch cells 2"],
+    observed: Float[Tensor, "batch cells 2"],
     weights: Float[Tensor, "batch cells"],
     coverage: Float[Tensor, "batch cells"],
     half_tangent: Float[Tensor, "batch"],
     pose: SolvedPoses,
 ) -> Float[Tensor, "batch views"]:
-    """Return how much of the part's visible area is matched where the pose says, in [0, 1]."""
-    r = residuals_of(points, places, half_tangent, pose)
-    agreement = (1 + r.square().sum(dim=-1) / _KERNEL**2).square().reciprocal()
-    return (weights[:, None] * agreement).sum(dim=-1) / coverage.sum(dim=-1, keepdim=True).clamp_min(1e-6)
+    """Return the share of the part's visible area that is matched where the pose projects it, in [0, 1]."""
+    robust = _robust_weight(residuals(points, observed, half_tangent, pose))
+    return (weights[:, None] * robust).sum(dim=-1) / coverage.sum(dim=-1, keepdim=True).clamp_min(1e-6)
 
 
 def _step(
     points: Float[Tensor, "batch cells 3"],
-    places: Float[Tensor, "batch cells 2"],
+    observed: Float[Tensor, "batch cells 2"],
     weights: Float[Tensor, "batch cells"],
     half_tangent: Float[Tensor, "batch"],
     pose: SolvedPoses,
     whitening: Float[Tensor, "batch cells 2 2"] | None,
     damping: float,
 ) -> SolvedPoses:
-    projected, seen = project(points, half_tangent, pose)  # (batch, views, cells, 2), (batch, views, cells, 3)
-    r = places[:, None] - projected
-    robust = (1 + r.detach().square().sum(dim=-1) / _KERNEL**2).square().reciprocal()
-    w = weights[:, None] * robust  # (batch, views, cells)
-    x, y, z = seen.unbind(dim=-1)
+    projected, scaled = project(points, half_tangent, pose)  # (batch, views, cells, 2), (batch, views, cells, 3)
+    r = observed[:, None] - projected
+    w = weights[:, None] * _robust_weight(r.detach())  # (batch, views, cells)
+    x, y, z = scaled.unbind(dim=-1)
     zero, one = torch.zeros_like(x), torch.ones_like(x)
     # Rows of d(projection) / d(rotation vector, centre, log scale), without perspective, which is small.
     J = torch.stack(
@@ -112,27 +116,31 @@ def _step(
         so3_exp(step[..., :3]) @ pose.R,
         (pose.centre + step[..., 3:5]).clamp(-2.0, 2.0),
         (pose.log_scale + step[..., 5]).clamp(-2.5, 2.5),
-        r,
     )
 
 
-def residuals_of(
+def _robust_weight(residuals: Float[Tensor, "*batch 2"]) -> Float[Tensor, "*batch"]:
+    """Return the Geman-McClure weight 1 / (1 + |r|^2 / k^2)^2."""
+    return (1 + residuals.square().sum(dim=-1) / _KERNEL**2).square().reciprocal()
+
+
+def residuals(
     points: Float[Tensor, "batch cells 3"],
-    places: Float[Tensor, "batch cells 2"],
+    observed: Float[Tensor, "batch cells 2"],
     half_tangent: Float[Tensor, "batch"],
     pose: SolvedPoses,
 ) -> Float[Tensor, "batch views cells 2"]:
-    """Return how far `places` are from where the poses project `points`, in half crop sides."""
-    return places[:, None] - project(points, half_tangent, pose)[0]
+    """Return how far points are `observed` from their projections, in half crop sides."""
+    return observed[:, None] - project(points, half_tangent, pose)[0]
 
 
 def project(
     points: Float[Tensor, "batch cells 3"], half_tangent: Float[Tensor, "batch"], pose: SolvedPoses
 ) -> tuple[Float[Tensor, "batch views cells 2"], Float[Tensor, "batch views cells 3"]]:
-    """Return where poses project points, and the points turned and scaled into half sides about the part's origin."""
+    """Return the projections of points, and the points rotated and scaled into half crop sides about the origin."""
     # In single precision, whatever the network around runs in: a sixtieth of a cell counts.
     with torch.autocast(points.device.type, enabled=False):
-        turned = torch.einsum("bkij,bnj->bkni", pose.R.float(), points.float())
-        seen = turned * pose.log_scale.float().exp()[..., None, None]
-        perspective = 1 + half_tangent[:, None, None] * seen[..., 2]
-        return (seen[..., :2] + pose.centre.float()[:, :, None]) / perspective[..., None], seen
+        rotated = torch.einsum("bkij,bnj->bkni", pose.R.float(), points.float())
+        scaled = rotated * pose.log_scale.float().exp()[..., None, None]
+        perspective = 1 + half_tangent[:, None, None] * scaled[..., 2]
+        return (scaled[..., :2] + pose.centre.float()[:, :, None]) / perspective[..., None], scaled

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import torch
@@ -20,11 +18,12 @@ from simpick.estimators.raypose.crops.template_choice import (
     view_angles,
 )
 from simpick.estimators.raypose.crops.template_crops import TemplateCrops, collate, crop_templates
-from simpick.estimators.raypose.crops.virtual_recrops import VirtualRecrops, aim_recrops, sample_recrops
+from simpick.estimators.raypose.crops.virtual_recrops import VirtualRecrops, aim_virtual_recrops, sample_virtual_recrops
 from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.network.pose_maps import ViewPoses
 from simpick.estimators.raypose.network.tokens import QueryInputs, TemplateInputs
 from simpick.geometry import invert, rotated_boxes, so3_exp, transform
+from simpick.tensor_record import TensorRecord
 from simpick.training.data.augmentation import AugmentationConfig, jitter_boxes, perturb_mask
 from simpick.training.data.shard import Shard
 
@@ -35,7 +34,7 @@ NOMINAL_DISTANCE_M = 0.9
 
 
 @dataclass(frozen=True, eq=False)
-class TrainingBatch:
+class TrainingBatch(TensorRecord):
     """What one step learns from."""
 
     query: QueryInputs
@@ -55,10 +54,6 @@ class TrainingBatch:
 
     def __len__(self) -> int:
         return len(self.rows)
-
-    def to(self, device: torch.device) -> TrainingBatch:
-        """Return the batch with its tensors on a device."""
-        return self if device.type == "cpu" else _moved(self, device)
 
 
 def make_batch(
@@ -90,7 +85,7 @@ def make_batch(
 
 
 @dataclass(frozen=True, eq=False)
-class _PartBatch:
+class _PartBatch(TensorRecord):
     rgb: Float[Tensor, "n 3 size size"]
     masks: Float[Tensor, "n size size"]
     half_tangent: Float[Tensor, "n"]
@@ -115,7 +110,8 @@ def _part_batch(
     else:
         angles = np.array([_turn_towards(shared, T, rng) for T in shard.Ts_crop_part[rows]])
     boxes = jitter_boxes(rotated_boxes(masks, angles[:, None])[:, 0], augmentation, rng)
-    recrops = aim_recrops(shard.crop_px, shard.focal_px[rows], angles, boxes, config.crop_px, padding=config.padding)
+    focal_px = shard.focal_px[rows]
+    recrops = aim_virtual_recrops(shard.crop_px, focal_px, angles, boxes, config.crop_px, padding=config.padding)
     Ts = transform(recrops.Rs_crop_source) @ shard.Ts_crop_part[rows]
     sampled, points_m, coverage = _sample(shard, rows, masks, recrops, config)
     gain = torch.tensor(1 + augmentation.brightness * rng.uniform(-1, 1, len(rows)), dtype=torch.float32)
@@ -158,8 +154,8 @@ def _sample(
     y, x = torch.meshgrid(axis, axis, indexing="ij")
     rays = torch.stack([x, y], dim=0) / torch.tensor(focal, dtype=torch.float32)[:, None, None, None]
     points = torch.cat([rays, torch.ones_like(rays[:, :1])], dim=1) * depth[:, None]  # (n, 3, size, size)
-    sampled = sample_recrops(torch.cat([rgb, mask], dim=1), focal, recrops)
-    geometry = sample_recrops(torch.cat([true_mask, points * true_mask], dim=1), focal, recrops.halved())
+    sampled = sample_virtual_recrops(torch.cat([rgb, mask], dim=1), focal, recrops)
+    geometry = sample_virtual_recrops(torch.cat([true_mask, points * true_mask], dim=1), focal, recrops.halved())
     cells = F.adaptive_avg_pool2d(geometry, config.geometry_cells).flatten(2).mT  # (n, cells, 4)
     mean = cells[..., 1:] / cells[..., :1].clamp_min(1e-6)
     R = torch.tensor(recrops.Rs_crop_source, dtype=torch.float32)
@@ -215,12 +211,3 @@ def _draw_around(
     shift = rng.uniform(-relative, relative, (count, 2))
     zoom = 1 + rng.uniform(-relative, relative, count)
     return crop_templates(shard.templates, views, angles, config, shift=shift, zoom=zoom)
-
-
-def _moved(value: Any, device: torch.device) -> Any:
-    if isinstance(value, torch.Tensor):
-        return value.to(device, non_blocking=True)
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        fields = {f.name: _moved(getattr(value, f.name), device) for f in dataclasses.fields(value)}
-        return type(value)(**fields)
-    return value

@@ -35,12 +35,12 @@ def flow_terms(model: RayPose, batch: TrainingBatch, flow: Flow) -> dict[str, Fl
             (batch.templates.diameter_m[batch.sets] / batch.truth.half_extent_at_depth_m[:, 0]).log(),
         )
     )
-    truth = SolvedPoses(R[:, None], centre[:, None], log_scale[:, None], R.new_zeros(len(R), 1, 0, 2))
-    places = project(flow.points, half_tangent, truth)[0][:, 0]  # (groups, cells, 2)
+    truth = SolvedPoses(R[:, None], centre[:, None], log_scale[:, None])
+    projected = project(flow.points, half_tangent, truth)[0][:, 0]  # (groups, cells, 2)
     unit, offsets = model.flow.unit, model.flow.offsets
-    wanted = places - flow.expected
+    wanted = projected - flow.expected
     reach = offsets.amax() + unit / 2
-    shown = _shows(points, coverage, places, flow.points) & flow.valid
+    shown = _shows(points, coverage, projected, flow.points) & flow.valid
     valid = shown & (wanted.abs().amax(dim=-1) < reach)
     pose = flow.pose
     return {
@@ -53,12 +53,14 @@ def flow_terms(model: RayPose, batch: TrainingBatch, flow: Flow) -> dict[str, Fl
 def _shows(
     points: Float[Tensor, "groups query_cells 3"],
     coverage: Float[Tensor, "groups query_cells"],
-    places: Float[Tensor, "groups cells 2"],
+    projected: Float[Tensor, "groups cells 2"],
     wanted: Float[Tensor, "groups cells 3"],
 ) -> Bool[Tensor, "groups cells"]:
-    """Return whether the query shows the wanted points at these places, and not something before them."""
+    """Return whether the query shows the wanted points where they project, and not something in front of them."""
     side = round(points.shape[1] ** 0.5)
     maps = torch.cat([points, coverage[..., None]], dim=-1).mT.unflatten(-1, (side, side))
-    there = F.grid_sample(maps, places[:, None], mode="nearest", align_corners=False)[:, :, 0].mT  # (groups, cells, 4)
+    there = F.grid_sample(maps, projected[:, None], mode="nearest", align_corners=False)[
+        :, :, 0
+    ].mT  # (groups, cells, 4)
     near = (there[..., :3] - wanted).norm(dim=-1) < _SAME_PLACE
     return near & (there[..., 3] > MIN_COVERAGE)

@@ -5,9 +5,9 @@ import dataclasses
 import torch
 
 from simpick.estimators.raypose.network.config import RayPoseConfig, preset
-from simpick.estimators.raypose.network.model import RayPose
+from simpick.estimators.raypose.network.model import Conditioning, RayPose
 from simpick.estimators.raypose.network.pose_maps import ViewPoses
-from simpick.estimators.raypose.network.tokens import Conditioning, QueryInputs, TemplateInputs
+from simpick.estimators.raypose.network.tokens import QueryInputs, TemplateInputs
 from simpick.geometry.torch_rotations import random_rotations
 
 TINY = dataclasses.replace(preset("tiny"), templates=3)
@@ -71,10 +71,3 @@ def condition(model: RayPose, query: QueryInputs, templates: TemplateInputs) -> 
 def noisy_maps(batch: int, config: RayPoseConfig = TINY, seed: int = 3) -> torch.Tensor:
     generator = torch.Generator().manual_seed(seed)
     return torch.randn((batch, config.templates, config.map_cells, config.map_cells, 6), generator=generator)
-
-
-def rows_of(value, rows: slice):
-    """Return the same inputs for some rows of the batch."""
-    if isinstance(value, torch.Tensor):
-        return value[rows]
-    return type(value)(*(rows_of(getattr(value, field.name), rows) for field in dataclasses.fields(value)))

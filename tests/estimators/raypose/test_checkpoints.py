@@ -23,7 +23,7 @@ def saved(tmp_path: Path) -> Path:
 
 
 def rewritten(path: Path, *, header: dict[str, str | None] | None = None, tensors=None, without: str = "") -> Path:
-    """Write the file anew with another header or other tensors."""
+    """Write the file again with another header or other tensors."""
     with safe_open(path, "pt") as file:
         old = file.metadata()
         kept = {name: file.get_tensor(name) for name in file.keys() if name != without}  # noqa: SIM118
@@ -77,7 +77,7 @@ def test_a_truncated_file(saved: Path, share: float) -> None:
     data = saved.read_bytes()
     saved.write_bytes(data[: int(share * len(data))])
     assert error_of(saved).startswith(f"{saved} is damaged or no safetensors file (")
-    assert error_of(saved).endswith("); take it anew")
+    assert error_of(saved).endswith("); get it again")
 
 
 def test_another_kind_of_file(saved: Path) -> None:
@@ -95,11 +95,31 @@ def test_foreign_weights(tmp_path: Path) -> None:
     assert error_of(path).endswith("but its format is 'pt'")
 
 
+def test_names_of_version_2_are_translated(saved: Path) -> None:
+    state = load_checkpoint(saved).model.state_dict()
+    with safe_open(saved, "pt") as file:
+        header, tensors = file.metadata(), {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    for old, new in (
+        (".modulation.", ".adaLN_modulation.1."),
+        (".modulation_out.", ".adaLN_modulation.1."),
+        (".from_narrow.", ".from_fine."),
+        (".from_wide.", ".from_coarse."),
+    ):
+        blocks = old == ".modulation."
+        tensors = {
+            name.replace(new, old) if ("blocks" in name) == blocks else name: tensor for name, tensor in tensors.items()
+        }
+    assert {"decoder.modulation_out.bias", "decoder.blocks.0.modulation.bias", "flow.from_wide.bias"} <= tensors.keys()
+    save_file(tensors, saved, header | {"version": "2"})
+    again = load_checkpoint(saved).model.state_dict()
+    assert all(torch.equal(tensor, state[name]) for name, tensor in again.items())
+
+
 def test_another_version(saved: Path) -> None:
     rewritten(saved, header={"version": "7"})
-    assert error_of(saved) == f"{saved} must be of version 2, got '7'; use the simpick that wrote it"
+    assert error_of(saved) == f"{saved} must be of version 3, got '7'; use the simpick that wrote it"
     rewritten(saved, header={"version": None})
-    assert error_of(saved) == f"{saved} must be of version 2, got None; use the simpick that wrote it"
+    assert error_of(saved) == f"{saved} must be of version 3, got None; use the simpick that wrote it"
 
 
 @pytest.mark.parametrize(
@@ -122,7 +142,7 @@ def test_a_configuration_that_cannot_be_read(saved: Path, config: str | None, re
     error = error_of(rewritten(saved, header={"config": config}))
     assert error.startswith(f"the configuration in {saved} cannot be read (")
     assert reason in error
-    assert error.endswith("); take the file anew")
+    assert error.endswith("); get the file again")
 
 
 def test_a_missing_tensor(saved: Path) -> None:
@@ -150,7 +170,7 @@ def test_a_checkpoint_of_another_size_names_three_tensors(saved: Path) -> None:
 @pytest.mark.parametrize("value", [float("nan"), float("inf")])
 def test_weights_that_are_no_numbers(saved: Path, value: float) -> None:
     rewritten(saved, tensors={"embed_image.bias": torch.full((32,), value).half()})
-    assert error_of(saved) == f"the weights in {saved} must be finite numbers; take the file anew"
+    assert error_of(saved) == f"the weights in {saved} must be finite numbers; get the file again"
 
 
 def test_an_installation_without_weights_says_how_to_train_them(monkeypatch: pytest.MonkeyPatch) -> None:

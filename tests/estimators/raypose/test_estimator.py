@@ -185,7 +185,7 @@ def test_a_box_outside_the_image_has_no_estimate(coarse, crank, box):
 
 def test_a_part_that_was_not_onboarded_is_refused(coarse):
     frame = CameraFrame(np.zeros((CAMERA.height, CAMERA.width, 3), np.uint8), CAMERA, np.eye(4))
-    with pytest.raises(UnknownNameError, match=r"no onboarded part named 'bolt'.*onboard\(part\) before estimate"):
+    with pytest.raises(UnknownNameError, match=r"no onboarded part named 'bolt'.*onboard\(part\) first"):
         coarse.estimate(frame, [Detection("bolt", np.array([0.0, 0, 50, 50]), None, 1.0)])
 
 

@@ -36,7 +36,7 @@ def model() -> RayPose:
 
 def true_pose(batch: TrainingBatch) -> SolvedPoses:
     log_scale = (batch.templates.diameter_m[batch.sets][:, None] / batch.truth.half_extent_at_depth_m).log()
-    return SolvedPoses(batch.truth.R, batch.truth.centre, log_scale, torch.zeros(len(batch), 1, 0, 2))
+    return SolvedPoses(batch.truth.R, batch.truth.centre, log_scale)
 
 
 def measured(model: RayPose, batch: TrainingBatch, pose: SolvedPoses, offset: torch.Tensor | float) -> Flow:
@@ -58,7 +58,7 @@ def test_at_the_true_pose_there_is_nothing_to_correct(model: RayPose, batch: Tra
 def test_from_a_shifted_pose_the_way_back_is_wanted(model: RayPose, batch: TrainingBatch) -> None:
     assert model.flow is not None
     truth, shift = true_pose(batch), model.flow.unit / 2
-    shifted = SolvedPoses(truth.R, truth.centre + shift, truth.log_scale, truth.residuals)
+    shifted = SolvedPoses(truth.R, truth.centre + shift, truth.log_scale)
     stayed = flow_terms(model, batch, measured(model, batch, shifted, 0.0))
     back = flow_terms(model, batch, measured(model, batch, shifted, -shift))
     # Half a cell to the side and half a cell down; perspective makes of it a little more or less.

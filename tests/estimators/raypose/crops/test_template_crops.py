@@ -8,7 +8,7 @@ import torch
 
 from simpick.errors import ConfigError
 from simpick.estimators.raypose.crops.template_crops import TemplateCrops, collate, crop_templates
-from simpick.estimators.raypose.crops.virtual_recrops import aim_recrops, sample_recrops
+from simpick.estimators.raypose.crops.virtual_recrops import aim_virtual_recrops, sample_virtual_recrops
 from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.geometry import Pinhole, SymmetryGroup, rotation_angle, so3_exp, transform, transform_points
 from simpick.rendering import TemplateSet
@@ -31,8 +31,8 @@ def test_a_recrop_sees_directions_where_its_camera_says() -> None:
     y, x = torch.meshgrid(axis, axis, indexing="ij")
     images = torch.stack([torch.stack([x, y]) / f for f in (120.0, 300.0)])
     boxes = np.array([[20.0, 25.0, 50.0, 45.0], [35.0, 30.0, 60.0, 60.0]])
-    recrops = aim_recrops(source, focal, np.array([0.0, 0.0]), boxes, 32, padding=1.2)
-    seen = sample_recrops(images, focal, recrops)
+    recrops = aim_virtual_recrops(source, focal, np.array([0.0, 0.0]), boxes, 32, padding=1.2)
+    seen = sample_virtual_recrops(images, focal, recrops)
     camera = [Pinhole(32, 32, f, f, 16.0, 16.0) for f in recrops.focal_px]
     for k in range(2):
         rays = camera[k].rays() @ recrops.Rs_crop_source[k]  # R^T applied to rows: into the source's frame
@@ -42,7 +42,7 @@ def test_a_recrop_sees_directions_where_its_camera_says() -> None:
 
 def test_a_recrop_is_centred_on_its_box_and_padded() -> None:
     boxes = np.array([[20.0, 30.0, 60.0, 50.0]])
-    recrops = aim_recrops(80, np.array([1e5]), np.zeros(1), boxes, 32, padding=1.25)
+    recrops = aim_virtual_recrops(80, np.array([1e5]), np.zeros(1), boxes, 32, padding=1.25)
     # At such a focal length there is no perspective: half the crop is half the longer side times the padding.
     assert recrops.half_tangent[0] * 1e5 == pytest.approx(20 * 1.25, rel=1e-3)
     axis_in_source = recrops.Rs_crop_source[0].T @ np.array([0.0, 0.0, 1.0])
@@ -55,23 +55,25 @@ def test_a_turned_recrop_turns_its_picture_clockwise() -> None:
     image = torch.zeros(1, 1, 80, 80)
     image[..., 20:24, 38:42] = 1.0  # above the middle
     whole = np.array([[0.0, 0.0, 80.0, 80.0]])
-    recrops = aim_recrops(80, np.array([1e5]), np.array([np.pi / 2]), whole, 80, padding=1.0)
-    seen = sample_recrops(image, np.array([1e5]), recrops)[0, 0]
+    recrops = aim_virtual_recrops(80, np.array([1e5]), np.array([np.pi / 2]), whole, 80, padding=1.0)
+    seen = sample_virtual_recrops(image, np.array([1e5]), recrops)[0, 0]
     rows, columns = torch.nonzero(seen > 0.5, as_tuple=True)
     # A quarter turn clockwise brings it to the right.
     assert (rows.float().mean().item() + 0.5, columns.float().mean().item() + 0.5) == pytest.approx((40, 58), abs=0.6)
 
 
 def test_beyond_the_source_there_is_nothing() -> None:
-    recrops = aim_recrops(80, np.array([100.0]), np.zeros(1), np.array([[60.0, 20.0, 100.0, 60.0]]), 32, padding=1.0)
-    seen = sample_recrops(torch.ones(1, 1, 80, 80), np.array([100.0]), recrops)[0, 0]
+    recrops = aim_virtual_recrops(
+        80, np.array([100.0]), np.zeros(1), np.array([[60.0, 20.0, 100.0, 60.0]]), 32, padding=1.0
+    )
+    seen = sample_virtual_recrops(torch.ones(1, 1, 80, 80), np.array([100.0]), recrops)[0, 0]
     assert seen[:, :14].min().item() == pytest.approx(1)
     assert seen[:, 18:].max() == 0
 
 
 def test_boxes_without_area_are_refused() -> None:
     with pytest.raises(ConfigError, match="box 0 must have x1 < x2"):
-        aim_recrops(80, np.array([100.0]), np.zeros(1), np.array([[30.0, 30.0, 30.0, 40.0]]), 32, padding=1.0)
+        aim_virtual_recrops(80, np.array([100.0]), np.zeros(1), np.array([[30.0, 30.0, 30.0, 40.0]]), 32, padding=1.0)
 
 
 @pytest.mark.render

@@ -11,10 +11,15 @@ from safetensors.torch import save_file
 
 from simpick.errors import CheckpointError, ConfigError
 from simpick.estimators.raypose.checkpoints import load_checkpoint, save_checkpoint
-from simpick.estimators.raypose.network import dino_encoder
 from simpick.estimators.raypose.network.config import RayPoseConfig
-from simpick.estimators.raypose.network.dino_encoder import DinoEncoder, load_dino_weights, make_dino_encoder, make_vit
-from simpick.estimators.raypose.network.image_encoder import SimpickEncoder
+from simpick.estimators.raypose.network.encoders import dino_encoder
+from simpick.estimators.raypose.network.encoders.convolutional_encoder import ConvolutionalEncoder
+from simpick.estimators.raypose.network.encoders.dino_encoder import (
+    DinoEncoder,
+    load_dino_weights,
+    make_dino_encoder,
+    make_vit,
+)
 from simpick.estimators.raypose.network.model import RayPose
 
 needs_timm = pytest.mark.skipif(find_spec("timm") is None, reason="timm (the extra dinov2) is not installed")
@@ -50,7 +55,7 @@ def images() -> tuple[torch.Tensor, torch.Tensor]:
 def test_features_are_the_patches_row_by_row(images) -> None:
     rgb, masks = images
     encoder = DinoEncoder(tiny_vit(0))
-    features = encoder(rgb, masks).cells
+    features = encoder(rgb, masks).coarse
     assert features.shape == (3, 24, 4, 4)
     mean, std = torch.tensor([0.485, 0.456, 0.406]), torch.tensor([0.229, 0.224, 0.225])
     normalised = ((rgb * masks[:, None]).movedim(1, -1) - mean) / std
@@ -63,7 +68,7 @@ def test_what_is_beside_the_part_does_not_matter(images) -> None:
     rgb, masks = images
     encoder = DinoEncoder(tiny_vit(0))
     elsewhere = torch.where(masks[:, None] > 0, rgb, 1 - rgb)
-    torch.testing.assert_close(encoder(elsewhere, masks).cells, encoder(rgb, masks).cells)
+    torch.testing.assert_close(encoder(elsewhere, masks).coarse, encoder(rgb, masks).coarse)
 
 
 @needs_timm
@@ -71,7 +76,7 @@ def test_it_is_frozen_and_stays_in_evaluation_mode(images) -> None:
     encoder = DinoEncoder(tiny_vit(0)).train()
     assert not encoder.vit.training
     assert not any(p.requires_grad for p in encoder.parameters())
-    assert not encoder(*images).cells.requires_grad
+    assert not encoder(*images).coarse.requires_grad
 
 
 @needs_timm
@@ -82,9 +87,9 @@ def test_weights_come_from_a_local_file(tmp_path: Path, images, suffix: str) -> 
     # Meta's files hold the mask token of pre-training too.
     tensors = source.vit.state_dict() | {"mask_token": torch.zeros(1, 24)}
     save_file(tensors, path) if suffix == ".safetensors" else torch.save(tensors, path)
-    assert not torch.allclose(source(*images).cells, target(*images).cells)
+    assert not torch.allclose(source(*images).coarse, target(*images).coarse)
     load_dino_weights(target, path)
-    torch.testing.assert_close(source(*images).cells, target(*images).cells, rtol=0, atol=0)
+    torch.testing.assert_close(source(*images).coarse, target(*images).coarse, rtol=0, atol=0)
 
 
 @needs_timm
@@ -174,12 +179,14 @@ def test_checkpoints_leave_dino_out_and_ask_for_it(tmp_path: Path, images, monke
         load_checkpoint(tmp_path / "model.safetensors")
     monkeypatch.setattr(dino_encoder, "make_dino_encoder", lambda config: DinoEncoder(tiny_vit(4)))
     loaded = load_checkpoint(tmp_path / "model.safetensors", dino_weights=tmp_path / "vit.safetensors").model
-    torch.testing.assert_close(loaded.image_encoder(*images).cells, model.image_encoder(*images).cells, rtol=0, atol=0)
+    torch.testing.assert_close(
+        loaded.image_encoder(*images).coarse, model.image_encoder(*images).coarse, rtol=0, atol=0
+    )
 
 
 def test_an_encoder_that_is_trained_takes_no_dino(tmp_path: Path) -> None:
-    with pytest.raises(CheckpointError, match="this network's image encoder is no DINOv2"):
-        load_dino_weights(SimpickEncoder(24), tmp_path / "vit.pth")
+    with pytest.raises(CheckpointError, match="this network's image encoder is not DINOv2"):
+        load_dino_weights(ConvolutionalEncoder(24), tmp_path / "vit.pth")
 
 
 def test_without_timm_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

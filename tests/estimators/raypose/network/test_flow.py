@@ -19,14 +19,14 @@ HALF_TANGENT = torch.full((BATCH,), 0.06)
 def flow_network(config=TINY) -> TemplateFlow:
     """Return a new network: it believes in what correlates, everywhere alike."""
     torch.manual_seed(0)
-    network = TemplateFlow(config, narrow=16).eval()
+    network = TemplateFlow(config, fine_width=16).eval()
     with torch.no_grad():
         network.log_temperature.fill_(4.6)
     return network
 
 
 def one_view(R: torch.Tensor, centre: torch.Tensor, log_scale: torch.Tensor) -> SolvedPoses:
-    return SolvedPoses(R[:, None], centre[:, None], log_scale[:, None], torch.zeros(len(R), 1, 0, 2))
+    return SolvedPoses(R[:, None], centre[:, None], log_scale[:, None])
 
 
 def scene(seed: int = 0) -> tuple[FlowCells, torch.Tensor, SolvedPoses]:

@@ -6,12 +6,11 @@ import pytest
 import torch
 
 from simpick.estimators.raypose.network.decoder import Decoder
-from simpick.estimators.raypose.network.image_encoder import SimpickEncoder, orientation_channels
+from simpick.estimators.raypose.network.encoders.convolutional_encoder import ConvolutionalEncoder, orientation_channels
+from simpick.estimators.raypose.network.encoders.view_encoder import fourier_features
 from simpick.estimators.raypose.network.layers import Attention, DiTBlock, SelfAttentionBlock, TimestepEmbedder
 from simpick.estimators.raypose.network.matching import FEATURES, Matcher
 from simpick.estimators.raypose.network.pose_maps import ViewPoses
-from simpick.estimators.raypose.network.pose_solver import SolvedPoses
-from simpick.estimators.raypose.network.view_encoder import fourier_features
 from tests.estimators.raypose.networks import TINY
 
 
@@ -57,8 +56,8 @@ def test_every_gate_of_a_dit_block_opens() -> None:
     context, noise = randn(2, 5, 8, seed=1), randn(2, 8, seed=2)
     for gate in (2, 5, 8):
         with torch.no_grad():
-            block.modulation.bias.zero_()
-            block.modulation.bias[8 * gate : 8 * gate + 8] = 1.0
+            block.adaLN_modulation[1].bias.zero_()
+            block.adaLN_modulation[1].bias[8 * gate : 8 * gate + 8] = 1.0
         changed = block(x, block.cross_attention.keys_values(context), noise) - x
         assert changed.abs().max() > 1e-3
         # Only the middle gate lets the context in.
@@ -68,7 +67,7 @@ def test_every_gate_of_a_dit_block_opens() -> None:
 
 def test_tokens_of_different_views_meet_only_through_the_context() -> None:
     block, x = DiTBlock(8, 2), randn(1, 3, 4, 8)
-    torch.nn.init.normal_(block.modulation.weight)
+    torch.nn.init.normal_(block.adaLN_modulation[1].weight)
     kv, noise = block.cross_attention.keys_values(randn(1, 5, 8, seed=1)), randn(1, 8, seed=2)
     moved = x.clone()
     moved[:, 1] += 1
@@ -121,10 +120,10 @@ def test_orientation_channels_see_edges_and_not_brightness_or_surroundings() -> 
 
 
 def test_an_empty_mask_gives_finite_features() -> None:
-    features = SimpickEncoder(24)(torch.rand(2, 3, 48, 48), torch.zeros(2, 48, 48))
-    assert features.narrow is not None
-    assert (features.cells.shape, features.narrow.shape) == ((2, 24, 6, 6), (2, 16, 12, 12))
-    assert features.cells.isfinite().all() and features.narrow.isfinite().all()
+    features = ConvolutionalEncoder(24)(torch.rand(2, 3, 48, 48), torch.zeros(2, 48, 48))
+    assert features.fine is not None
+    assert (features.coarse.shape, features.fine.shape) == ((2, 24, 6, 6), (2, 16, 12, 12))
+    assert features.coarse.isfinite().all() and features.fine.isfinite().all()
 
 
 def test_matches_are_the_softmax_of_cosines_over_covered_cells() -> None:
@@ -152,14 +151,13 @@ def test_match_features_lie_in_each_view() -> None:
     R = torch.stack([torch.eye(3), turn])[None]
     reference = ViewPoses(R, torch.zeros(1, 2, 2), torch.ones(1, 2))
     residuals = torch.tensor([[[[0.1, 0.2]], [[0.3, 0.4]]]])
-    solved = SolvedPoses(R, torch.zeros(1, 2, 2), torch.zeros(1, 2), residuals)
-    places = torch.tensor([[[-0.5, 0.5]]])
-    features = matches.features(solved, reference, torch.tensor([[1.0, 2.0]]), torch.tensor([[0.7]]), places)
+    centroids = torch.tensor([[[-0.5, 0.5]]])
+    features = matches.features(residuals, reference, torch.tensor([[1.0, 2.0]]), torch.tensor([[0.7]]), centroids)
     assert features.shape == (1, 2, 1, FEATURES)
     torch.testing.assert_close(features[0, :, 0, :3], torch.tensor([[0.1, 0.0, 0.0], [0.0, 0.2, 0.0]]))
     torch.testing.assert_close(features[0, :, 0, 3:5], 4 * residuals[0, :, 0])
     torch.testing.assert_close(features[0, :, 0, [6, 8]], torch.tensor([[1.0, 0.7], [1.0, 0.7]]))
-    torch.testing.assert_close(features[0, :, 0, 9:], places[0].expand(2, 2))
+    torch.testing.assert_close(features[0, :, 0, 9:], centroids[0].expand(2, 2))
 
 
 def test_no_covered_cell_still_gives_finite_matches() -> None:

@@ -6,8 +6,9 @@ import pytest
 import torch
 
 from simpick.estimators.raypose.diffusion.schedule import make_schedule
-from simpick.estimators.raypose.network.consensus import agreement, combine_views
-from simpick.estimators.raypose.network.model import RayPose, halved_geometry
+from simpick.estimators.raypose.network.cell_geometry import cells_per_token, coarser_geometry
+from simpick.estimators.raypose.network.consensus import consensus_pose, consensus_score
+from simpick.estimators.raypose.network.model import RayPose
 from simpick.estimators.raypose.network.pose_maps import ViewPoses
 from simpick.estimators.raypose.sample_views import sample_views
 from simpick.geometry.torch_rotations import project_to_so3, random_rotations, so3_exp
@@ -19,7 +20,6 @@ from tests.estimators.raypose.networks import (
     random_query,
     random_templates,
     random_views,
-    rows_of,
     without,
 )
 
@@ -48,15 +48,15 @@ def changed(templates, view: int, **fields: torch.Tensor):
 def test_an_answer_does_not_depend_on_the_other_queries(config) -> None:
     model, query, templates, maps = awake(config), random_query(3), random_templates(3, config), noisy_maps(3)
     together = denoised(model, query, templates, maps, [1.0, -2.0, -7.0])
-    alone = denoised(model, rows_of(query, ONE), rows_of(templates, ONE), maps[ONE])
+    alone = denoised(model, query.rows(ONE), templates.rows(ONE), maps[ONE])
     assert together.shape == maps.shape
     torch.testing.assert_close(together[ONE], alone, rtol=1e-4, atol=1e-5)
     # And it does depend on the query, its templates and the noise level.
-    neighbour = denoised(model, rows_of(query, slice(2, 3)), rows_of(templates, ONE), maps[ONE])
+    neighbour = denoised(model, query.rows(slice(2, 3)), templates.rows(ONE), maps[ONE])
     assert (neighbour - alone).abs().max() > 1e-3
-    other = denoised(model, rows_of(query, ONE), rows_of(templates, slice(2, 3)), maps[ONE])
+    other = denoised(model, query.rows(ONE), templates.rows(slice(2, 3)), maps[ONE])
     assert (other - alone).abs().max() > 1e-3
-    assert (denoised(model, rows_of(query, ONE), rows_of(templates, ONE), maps[ONE], 1.0) - alone).abs().max() > 1e-3
+    assert (denoised(model, query.rows(ONE), templates.rows(ONE), maps[ONE], 1.0) - alone).abs().max() > 1e-3
 
 
 @each_ablation
@@ -157,14 +157,13 @@ def test_absolute_poses_are_relative_to_the_same_view_for_all_templates() -> Non
 
 def test_without_matching_there_are_no_matches() -> None:
     config = without("matching")
-    assert condition(awake(config), random_query(1), random_templates(1, config)).matched is None
-    assert condition(awake(), random_query(1), random_templates(1)).matched is not None
+    assert condition(awake(config), random_query(1), random_templates(1, config)).initial is None
+    assert condition(awake(), random_query(1), random_templates(1)).initial is not None
 
 
 def test_patches_hold_the_cells_of_each_token() -> None:
-    model = awake(dataclasses.replace(TINY, crop_px=48, local_cells=6, map_cells=3))
     rows, columns = torch.meshgrid(torch.arange(6.0), torch.arange(6.0), indexing="ij")
-    patches = model._patches(torch.stack([rows, columns], dim=-1).flatten(0, 1)[None])
+    patches = cells_per_token(torch.stack([rows, columns], dim=-1).flatten(0, 1)[None], 3)
     assert patches.shape == (1, 9, 4 * 2)
     # Token 5 is row 1, column 2 of the 3 x 3 map: rows 2-3 and columns 4-5 of the cells.
     assert patches[0, 5].view(4, 2).tolist() == [[2, 4], [2, 5], [3, 4], [3, 5]]
@@ -181,7 +180,7 @@ def test_sampled_poses_are_deterministic_and_independent_of_the_batch() -> None:
 
     def run(rows: slice, seed: int = 0) -> ViewPoses:
         with torch.inference_mode():
-            conditioning = condition(model, rows_of(query, rows), rows_of(templates, rows))
+            conditioning = condition(model, query.rows(rows), templates.rows(rows))
             return sample_views(model, conditioning, make_schedule(), 4, torch.Generator().manual_seed(seed))
 
     every = slice(0, 3)
@@ -202,12 +201,12 @@ def test_views_are_combined_without_the_ones_that_disagree() -> None:
     centre[:, 6:] = 5.0
     reach = torch.full((2, 8), 0.03)
     reach[:, :6] *= torch.tensor([0.5, 2.0, 1.0, 1.0, 1.0, 1.0])
-    pose = combine_views(ViewPoses(R, centre, reach))
+    pose = consensus_pose(ViewPoses(R, centre, reach))
     torch.testing.assert_close(pose.R, project_to_so3(near.mean(dim=1)), atol=5e-3, rtol=0)
     torch.testing.assert_close(pose.centre, torch.zeros(2, 2), atol=5e-3, rtol=0)
     torch.testing.assert_close(pose.half_extent_at_depth_m, torch.full((2,), 0.03), atol=0, rtol=0.02)
     only = ViewPoses(R[:, :1], centre[:, :1], reach[:, :1])
-    torch.testing.assert_close(combine_views(only).R, R[:, 0])
+    torch.testing.assert_close(consensus_pose(only).R, R[:, 0])
 
 
 def test_agreement_falls_with_the_angle_between_views() -> None:
@@ -215,7 +214,7 @@ def test_agreement_falls_with_the_angle_between_views() -> None:
     found = []
     for angle in (0.0, 0.1, 0.3):
         R = so3_exp(torch.tensor([[0.0], [angle]]) * axis)[None]
-        found.append(float(agreement(ViewPoses(R, torch.zeros(1, 2, 2), torch.ones(1, 2)))))
+        found.append(float(consensus_score(ViewPoses(R, torch.zeros(1, 2, 2), torch.ones(1, 2)))))
     assert found[0] == pytest.approx(1.0, abs=1e-3)
     assert found[0] > found[1] > found[2] > 0
 
@@ -226,7 +225,7 @@ def test_geometry_on_half_as_many_cells_is_the_mean_over_what_is_covered() -> No
     points[0, 0], points[0, 1] = torch.tensor([1.0, 2.0, 3.0]), torch.tensor([4.0, 2.0, 0.0])
     coverage[0, 0], coverage[0, 1] = 1.0, 0.5
     points[0, 15], coverage[0, 15] = torch.tensor([7.0, 8.0, 9.0]), 0.2
-    half, covered = halved_geometry(points, coverage)
+    half, covered = coarser_geometry(points, coverage)
     torch.testing.assert_close(half[0], torch.tensor([[2.0, 2, 2], [0, 0, 0], [0, 0, 0], [7, 8, 9]]))
     torch.testing.assert_close(covered[0], torch.tensor([0.375, 0, 0, 0.05]))
 
@@ -235,7 +234,7 @@ def test_flow_starts_from_the_matched_pose_and_is_every_views_answer() -> None:
     query, templates = random_query(2), random_templates(2)
     model = awake()
     with torch.inference_mode():
-        first = condition(model, query, templates).matched
+        first = condition(model, query, templates).initial
     assert first is not None and first.flow is not None
     # Two of three templates, each with all its cells.
     assert first.flow.points.shape == (2, 2 * TINY.flow_cells**2, 3)
@@ -244,5 +243,5 @@ def test_flow_starts_from_the_matched_pose_and_is_every_views_answer() -> None:
     assert (first.poses.R - first.solved.R).abs().max() > 1e-4
     config = without("flow")
     with torch.inference_mode():
-        plain = condition(awake(config), query, random_templates(2, config)).matched
+        plain = condition(awake(config), query, random_templates(2, config)).initial
     assert plain is not None and plain.flow is None and plain.poses is plain.solved

@@ -1,15 +1,16 @@
-"""Image encoders E_I: from crops to feature maps. simpick's own, a small residual network on hand-made channels."""
+"""A small residual network on hand-made channels: the image encoder that is trained with the rest.
+
+The paper uses a frozen DINOv2 instead, see `dino_encoder`.
+"""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from simpick.estimators.raypose.network.config import RayPoseConfig
+from simpick.estimators.raypose.network.encoders.feature_maps import FeatureMaps
 
 _LUMINANCE = (0.299, 0.587, 0.114)
 CHANNELS = 5
@@ -21,8 +22,8 @@ def orientation_channels(
 ) -> Float[Tensor, "batch 5 size size"]:
     """Return brightness, double-angle gradient direction (2), gradient magnitude and mask.
 
-    Brightness is normalised over the mask and everything outside it is black, as it is around a template. Doubled
-    angles do not tell light from dark sides, which depend on where the light stands.
+    Brightness is normalised over the mask, and everything outside it is black, as it is around a template. Doubled
+    angles do not distinguish dark-to-light edges from light-to-dark ones, since that depends on the lights.
     """
     mask = masks[:, None]
     gray = torch.einsum("bcyx,c->byx", rgb, rgb.new_tensor(_LUMINANCE))[:, None]
@@ -38,18 +39,8 @@ def orientation_channels(
     return torch.cat([gray, double, magnitude, mask], dim=1)
 
 
-@dataclass(frozen=True, eq=False)
-class FeatureMaps:
-    """What an image encoder says of crops."""
-
-    cells: Float[Tensor, "batch width cells cells"]
-    """One feature vector for each cell."""
-    narrow: Float[Tensor, "batch narrow cells2 cells2"] | None
-    """The same on cells half as wide; None if the encoder has none."""
-
-
 class ResidualBlock(nn.Module):
-    """Two 3 x 3 convolutions and a shortcut; group normalisation, which does not depend on the batch."""
+    """Two 3 x 3 convolutions and a shortcut, with group normalisation, which does not depend on the batch."""
 
     def __init__(self, inputs: int, outputs: int, stride: int) -> None:
         super().__init__()
@@ -66,30 +57,21 @@ class ResidualBlock(nn.Module):
         return F.relu(self.norm2(self.conv2(y)) + self.shortcut(x))
 
 
-class SimpickEncoder(nn.Module):
+class ConvolutionalEncoder(nn.Module):
     """Convolutions with stride 8 on `orientation_channels`; trained with the rest of the network."""
 
     def __init__(self, width: int) -> None:
         super().__init__()
-        stem, self.narrow_width = max(8, width // 6), max(16, width // 3)
+        stem, self.fine_width = max(8, width // 6), max(16, width // 3)
         self.stem = nn.Conv2d(CHANNELS, stem, 5, 2, 2)
         self.blocks = nn.Sequential(
-            ResidualBlock(stem, self.narrow_width, 2),
-            ResidualBlock(self.narrow_width, width, 2),
+            ResidualBlock(stem, self.fine_width, 2),
+            ResidualBlock(self.fine_width, width, 2),
             ResidualBlock(width, width, 1),
         )
 
     def forward(self, rgb: Float[Tensor, "batch 3 size size"], masks: Float[Tensor, "batch size size"]) -> FeatureMaps:
-        """Return one feature vector for each 8 x 8 pixels, and one for each 4 x 4; RGB in [0, 1]."""
+        """Return one feature vector per 8 x 8 pixels and one per 4 x 4; RGB in [0, 1]."""
         x = orientation_channels(rgb, masks)  # (batch, 5, size, size)
-        narrow = self.blocks[0](F.relu(self.stem(x)))  # (batch, narrow, size / 4, size / 4)
-        return FeatureMaps(self.blocks[1:](narrow), narrow)  # (batch, width, size / 8, size / 8)
-
-
-def make_image_encoder(config: RayPoseConfig) -> nn.Module:
-    """Return the image encoder that a configuration names; DINOv2's weights are random until they are loaded."""
-    if config.is_dino:
-        from simpick.estimators.raypose.network.dino_encoder import make_dino_encoder
-
-        return make_dino_encoder(config)
-    return SimpickEncoder(config.local_width)
+        fine = self.blocks[0](F.relu(self.stem(x)))  # (batch, fine width, size / 4, size / 4)
+        return FeatureMaps(self.blocks[1:](fine), fine)  # coarse: (batch, width, size / 8, size / 8)

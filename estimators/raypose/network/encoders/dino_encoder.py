@@ -20,8 +20,8 @@ from torch import Tensor, nn
 
 from simpick.errors import CheckpointError, ConfigError
 from simpick.estimators.raypose.network.config import RayPoseConfig
-from simpick.estimators.raypose.network.image_encoder import FeatureMaps
-from simpick.estimators.raypose.network.strict_weights import check_weights
+from simpick.estimators.raypose.network.encoders.feature_maps import FeatureMaps
+from simpick.estimators.raypose.strict_weights import check_weights
 
 PATCH_PX = 14
 _TIMM_NAMES = {
@@ -53,7 +53,7 @@ class DinoEncoder(nn.Module):
 
     @torch.no_grad()
     def forward(self, rgb: Float[Tensor, "batch 3 size size"], masks: Float[Tensor, "batch size size"]) -> FeatureMaps:
-        """Return one feature vector for each patch of 14 x 14 pixels; RGB in [0, 1], black outside the mask."""
+        """Return one feature vector per patch of 14 x 14 pixels; RGB in [0, 1], black outside the mask."""
         x = (rgb * masks[:, None] - self.mean) / self.std
         vit: Any = self.vit
         tokens = vit.forward_features(x)  # (batch, 1 + cells * cells, width)
@@ -100,7 +100,7 @@ def load_dino_weights(encoder: nn.Module, path: Path) -> None:
         CheckpointError: the file is missing, damaged or foreign, or holds another transformer's weights.
     """
     if not isinstance(encoder, DinoEncoder):
-        raise CheckpointError(f"{path} cannot be used: this network's image encoder is no DINOv2 but is trained itself")
+        raise CheckpointError(f"{path} cannot be used: this network's image encoder is not DINOv2")
     vit: Any = encoder.vit
     tensors = _read(path)
     # Only pre-training needs it; timm's own files leave it out.
@@ -130,7 +130,7 @@ def _read(path: Path) -> dict[str, Tensor]:
     except (safetensors.SafetensorError, pickle.UnpicklingError, OSError, EOFError, ValueError, RuntimeError) as error:
         cause = str(error).strip().splitlines()
         raise CheckpointError(
-            f"{path} is damaged or no file of weights ({cause[0] if cause else type(error).__name__}); take it anew"
+            f"{path} is damaged or no file of weights ({cause[0] if cause else type(error).__name__}); get it again"
         ) from error
     if not isinstance(values, dict) or not values or not all(isinstance(v, Tensor) for v in values.values()):
         raise CheckpointError(f"{path} must hold tensors by name, as DINOv2's published backbones do")
@@ -138,7 +138,7 @@ def _read(path: Path) -> dict[str, Tensor]:
 
 
 class _Absent(type):
-    """Of classes whose every attribute is another such class: names that are looked up on import and never used."""
+    """Metaclass of stand-ins for names that are only looked up on import: each attribute is another stand-in."""
 
     def __getattr__(cls, name: str) -> Any:
         if name.startswith("__"):
@@ -161,9 +161,9 @@ class _AbsentModule(ModuleType):
 
 @contextmanager
 def _torchvision_not_needed() -> Iterator[None]:
-    """Let timm be imported where torchvision cannot be: beside a build of torch that its operators do not load into.
+    """Make timm importable where torchvision is not: its operators do not load into every build of torch.
 
-    timm's transformers use nothing of it, but its data sets and image transforms name it when they are imported.
+    timm's transformers use nothing of torchvision, but its data sets and image transforms import it.
     """
     if "timm" in sys.modules or _torchvision_works():
         yield
@@ -182,7 +182,7 @@ def _torchvision_works() -> bool:
     try:
         importlib.import_module("torchvision")
     except (ImportError, RuntimeError, OSError):
-        # What was imported before it failed must not be taken for the whole.
+        # Remove the modules that were imported before it failed.
         for name in [n for n in sys.modules if n.split(".")[0] == "torchvision"]:
             del sys.modules[name]
         return False

@@ -1,4 +1,4 @@
-"""Weights from files: they fit a network exactly and are finite, or the error says where they do not."""
+"""Strict check of weights from files: they must fit a network exactly and be finite."""
 
 from __future__ import annotations
 
@@ -23,4 +23,4 @@ def check_weights(path: Path, tensors: Mapping[str, Tensor], expected: Mapping[s
         more = f" and {len(problems) - 3} more" if len(problems) > 3 else ""
         raise CheckpointError(f"the weights in {path} do not fit {owner}: {'; '.join(problems[:3])}{more}")
     if not all(bool(tensor.isfinite().all()) for tensor in tensors.values()):
-        raise CheckpointError(f"the weights in {path} must be finite numbers; take the file anew")
+        raise CheckpointError(f"the weights in {path} must be finite numbers; get the file again")

@@ -1,0 +1,1 @@
+"""The image encoders E_I and the view encoder E_V."""
