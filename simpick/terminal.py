@@ -7,7 +7,15 @@ from typing import TypeVar
 
 from rich.box import SIMPLE
 from rich.console import Console as Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Table as Table
 
 _Item = TypeVar("_Item")
@@ -38,6 +46,19 @@ def progress_bar(console: Console | None = None, *, keep: bool = False) -> Progr
         TimeRemainingColumn(),
         console=console,
         transient=not keep,
+    )
+
+
+def share_bar(before: str, after: str, end: str, *, console: Console) -> Progress:
+    """Return a progress display of a share of work, with texts of its tasks before the bar, after it and at the end."""
+    return Progress(
+        TextColumn(before),
+        BarColumn(bar_width=24),
+        TaskProgressColumn(),
+        TextColumn(after),
+        TimeElapsedColumn(),
+        TextColumn(end),
+        console=console,
     )
 
 

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from rich.box import SIMPLE
-from rich.table import Table
 
 from simpick.metrics.intervals import Interval, percentile_interval, resample_bins, resampled_ratio
 from simpick.pose_eval.benchmark_runs import BinFigures, PoseBenchmarkResult
+from simpick.terminal import Table, narrow_table
 
 FIGURES = ("ar", "below_5_deg")
 """Of `BinFigures`: what is compared."""
@@ -46,9 +45,7 @@ def gains_table(gains: Sequence[Gain]) -> Table | None:
     if not gains:
         return None
     title = "Gain over the one before, points, 95 % intervals over bins"
-    table = Table("estimator", "over", "detections", title=title, box=SIMPLE, pad_edge=False, padding=(0, 1, 0, 0))
-    for heading in ("AR", "turned < 5 deg"):
-        table.add_column(heading, justify="right")
+    table = narrow_table("estimator", "over", "detections", "AR", "rotation < 5 deg", title=title, labels=3)
     for gain in gains:
         table.add_row(gain.estimator, gain.before, gain.noise, *(_cell(gain.differences[name]) for name in FIGURES))
     return table

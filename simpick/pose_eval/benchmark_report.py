@@ -9,19 +9,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rich.box import SIMPLE
-from rich.table import Table
-
 from simpick.metrics.summaries import PoseSummary
 from simpick.pose_eval.benchmark_bins import benchmark_bins
 from simpick.pose_eval.benchmark_runs import PoseBenchmarkResult
 from simpick.pose_eval.pose_evaluation import PoseEvaluation
 from simpick.run_folder import RunFolder
+from simpick.terminal import Table, narrow_table
 
 YARDSTICK_FILE = "yardstick.json"
 _ERRORS = ("deg", "mm", "depth %", "<5 deg", "<15 deg", "<30 deg")
-# So narrow that a visibility table fits into 80 columns.
-_STYLE: dict[str, Any] = {"box": SIMPLE, "pad_edge": False, "padding": (0, 1, 0, 0)}
 
 
 def title(result: PoseBenchmarkResult) -> str:
@@ -56,25 +52,17 @@ def benchmark_table(result: PoseBenchmarkResult) -> Table:
         "AR MSPD, %",
         "ms a detection",
     )
-    table = Table("detections", title=title(result), **_STYLE)
-    for noise in result.evaluations:
-        table.add_column(noise, justify="right")
-    for row, *cells in zip(rows, *columns, strict=True):
-        table.add_row(row, *cells)
-    return table
+    return narrow_table("detections", *result.evaluations, title=title(result), rows=zip(rows, *columns, strict=True))
 
 
 def visibility_tables(result: PoseBenchmarkResult) -> list[Table]:
     """Return errors and recalls by how much of the part is seen, a table for each preset of detections."""
     tables = []
     for noise, evaluation in result.evaluations.items():
-        table = Table("visible", title=f"{result.estimator} by visibility, {noise} detections", **_STYLE)
-        for column in ("targets", "answered", *_ERRORS):
-            table.add_column(column, justify="right")
-        for band, s in evaluation.by_visibility.items():
-            if s.count:
-                table.add_row(band, f"{s.count}", f"{s.answered}", *_error_cells(s))
-        tables.append(table)
+        bands = evaluation.by_visibility.items()
+        rows = [(band, f"{s.count}", f"{s.answered}", *_error_cells(s)) for band, s in bands if s.count]
+        heading = f"{result.estimator} by visibility, {noise} detections"
+        tables.append(narrow_table("visible", "targets", "answered", *_ERRORS, title=heading, rows=rows))
     return tables
 
 
@@ -83,14 +71,11 @@ def best_of_table(result: PoseBenchmarkResult) -> Table | None:
     if not result.best_of:
         return None
     heading = f"{result.estimator}, best of its first K hypotheses: the one turned least against the truth"
-    table = Table("detections", "K", title=heading, **_STYLE)
-    for column in _ERRORS:
-        table.add_column(column, justify="right")
-    for noise in result.evaluations:
-        for (preset, k), s in result.best_of.items():
-            if preset == noise:
-                table.add_row(noise, f"{k}", *_error_cells(s))
-    return table
+    best_of = result.best_of.items()
+    rows = [
+        (noise, f"{k}", *_error_cells(s)) for noise in result.evaluations for (own, k), s in best_of if own == noise
+    ]
+    return narrow_table("detections", "K", *_ERRORS, title=heading, rows=rows)
 
 
 def onboarding_line(result: PoseBenchmarkResult) -> str | None:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, partial
 from typing import TypeVar
-
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from simpick.assets.library import get_part
 from simpick.errors import ConfigError
@@ -29,6 +27,7 @@ from simpick.pose_eval.pose_evaluation import (
 )
 from simpick.pose_eval.pose_images import PoseModel
 from simpick.pose_eval.pose_sources import EstimatorSource, PoseSource, make_source
+from simpick.terminal import Console, track
 from simpick.workers import UNLIMITED, WorkerPool
 
 BEST_OF = (1, 5, 50)
@@ -138,7 +137,7 @@ def make_views(bins: Sequence[BenchmarkBin], *, workers: int = 1, console: Conso
     """Simulate and render the bins that are not in the cache yet, and return how many they were."""
     missing = [bin for bin in bins if not view_path(bin).exists()]
     with _mapped(_make_view, missing, workers) as made:
-        _progress(made, "making bins", len(missing), console)
+        deque(track(made, "making bins", total=len(missing), console=console), maxlen=0)
     return len(missing)
 
 
@@ -167,11 +166,12 @@ def run_pose_benchmark(
     source = make_source(estimator, get_part, hypotheses, budget)
     if workers == 1:
         with BinScorer(source, noises) as scorer:
-            scores = _progress(map(scorer.score, chosen), estimator, len(chosen), console)
+            results = map(scorer.score, chosen)
+            scores = list(track(results, estimator, total=len(chosen), console=console))
     else:
         job = partial(_score, estimator, tuple(noises), hypotheses, budget)
         with _mapped(job, chosen, workers) as results:
-            scores = _progress(results, estimator, len(chosen), console)
+            scores = list(track(results, estimator, total=len(chosen), console=console))
     return summarize_scores(estimator, chosen, noises, scores)
 
 
@@ -230,15 +230,3 @@ def _mapped(
     with WorkerPool(workers, UNLIMITED) as pool:
         calls = [pool.submit(job, bin) for bin in bins]
         yield (call.result() for call in calls)
-
-
-def _progress(results: Iterable[_Result], description: str, total: int, console: Console | None) -> list[_Result]:
-    """Return all results, with a bar that moves as they come."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    done: list[_Result] = []
-    with Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=console, transient=True) as bar:
-        task = bar.add_task(description, total=total)
-        for result in results:
-            done.append(result)
-            bar.advance(task)
-    return done

@@ -5,16 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Sequence
 
-from rich.box import SIMPLE
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
-
 from simpick.metrics.scores import AverageRecalls
 from simpick.pose_eval.pose_evaluation import PoseEvaluation, PoseEvaluator
 from simpick.pose_eval.pose_images import PoseImage
 from simpick.pose_eval.pose_sources import PoseSource
 from simpick.records import PoseEstimate
+from simpick.terminal import Console, Table, narrow_table, track
 
 
 def score_images(
@@ -30,28 +26,21 @@ def score_images(
 
     `on_image` is called with each image, its estimates and the seconds that they took.
     """
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task("images", total=total)
-        for image in images:
-            source.prepare(image)
-            start = time.perf_counter()
-            estimates = source.estimate(image)
-            elapsed_s = time.perf_counter() - start
-            evaluator.add(image, estimates, elapsed_s)
-            if on_image is not None:
-                on_image(image, estimates, elapsed_s)
-            progress.advance(task)
+    for image in track(images, "images", total=total, console=console):
+        source.prepare(image)
+        start = time.perf_counter()
+        estimates = source.estimate(image)
+        elapsed_s = time.perf_counter() - start
+        evaluator.add(image, estimates, elapsed_s)
+        if on_image is not None:
+            on_image(image, estimates, elapsed_s)
     return evaluator.result()
 
 
 def recall_table(evaluation: PoseEvaluation, title: str) -> Table:
     """Return AR and its three terms per part and in all, as percentages."""
-    table = Table("part", title=title)
-    for column in ("targets", "AR", "VSD", "MSSD", "MSPD"):
-        table.add_column(column, justify="right")
-    for name, recalls in evaluation.scores.by_part.items():
-        table.add_row(name, *_cells(recalls))
+    rows = [(name, *_cells(recalls)) for name, recalls in evaluation.scores.by_part.items()]
+    table = narrow_table("part", "targets", "AR", "VSD", "MSSD", "MSPD", title=title, rows=rows)
     table.add_section()
     table.add_row("all", *_cells(evaluation.scores.overall))
     return table
@@ -59,10 +48,8 @@ def recall_table(evaluation: PoseEvaluation, title: str) -> Table:
 
 def summary_table(evaluation: PoseEvaluation) -> Table:
     """Return medians and recalls of all targets and of each visibility band."""
-    # So narrow that it fits into 80 columns.
-    table = Table("visible", title="medians and recalls", box=SIMPLE, pad_edge=False, padding=(0, 1, 0, 0))
-    for column in ("targets", "answered", "deg", "mm", "depth %", "<5 deg", "<15 deg", "<30 deg"):
-        table.add_column(column, justify="right")
+    columns = ("visible", "targets", "answered", "deg", "mm", "depth %", "<5 deg", "<15 deg", "<30 deg")
+    table = narrow_table(*columns, title="medians and recalls")
     for name, s in {**evaluation.by_visibility, "all": evaluation.summary}.items():
         if s.count == 0:
             continue

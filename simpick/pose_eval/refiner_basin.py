@@ -14,6 +14,7 @@ from simpick.estimators.refiner import Refiner
 from simpick.geometry import so3_exp
 from simpick.metrics.models import EvaluationModel
 from simpick.metrics.pose_errors import batch_pose_errors
+from simpick.plotting import new_figure, save_figure
 from simpick.pose_eval.bin_images import BinView
 from simpick.records import PoseHypothesis
 
@@ -70,9 +71,7 @@ def measure_basin(
 
 def plot_basin(points: Sequence[BasinPoint], file: Path) -> None:
     """Write a plot: median final rotation error, and share of starts that end below 5 deg, by initial error."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9, 4), layout="constrained")
+    figure = new_figure(9, 4)
     left, right = figure.subplots(1, 2)
     starts = sorted({point.start_deg for point in points})
     for low, high in BANDS:
@@ -92,5 +91,4 @@ def plot_basin(points: Sequence[BasinPoint], file: Path) -> None:
         axes.set_xlabel("initial rotation error, deg")
         axes.grid(color="0.9")
     left.legend(fontsize=8)
-    file.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(file, dpi=130)
+    save_figure(figure, file)

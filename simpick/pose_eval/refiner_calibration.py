@@ -17,6 +17,7 @@ from simpick.estimators.refiner.confidence import FEATURES, GOOD_DEG, GOOD_MM, C
 from simpick.estimators.refiner.refined_estimator import RefinedEstimator, visible_px
 from simpick.metrics.models import EvaluationModel
 from simpick.metrics.pose_errors import batch_pose_errors
+from simpick.plotting import new_figure, save_figure
 from simpick.pose_eval.bin_images import BinView, view_bin
 from simpick.scene import SceneConfig
 
@@ -90,9 +91,7 @@ def plot_reliability(checked: Mapping[str, Outcomes], confidence: Confidence, fi
 
     One plot for each set of outcomes, by its name: of the confidence's probabilities and of the plain scores.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(4.6 * len(checked), 4.4), layout="constrained")
+    figure = new_figure(4.6 * len(checked), 4.4)
     for axes, (name, own) in zip(
         np.atleast_1d(figure.subplots(1, len(checked), sharey=True)), checked.items(), strict=True
     ):
@@ -110,5 +109,4 @@ def plot_reliability(checked: Mapping[str, Outcomes], confidence: Confidence, fi
         axes.legend(fontsize=8)
         axes.grid(color="0.9")
     figure.axes[0].set_ylabel(f"share of poses < {GOOD_MM:g} mm and < {GOOD_DEG:g} deg")
-    file.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(file, dpi=130)
+    save_figure(figure, file)

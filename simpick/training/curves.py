@@ -11,6 +11,7 @@ import numpy as np
 import rerun as rr
 
 from simpick.errors import DatasetError
+from simpick.plotting import new_figure, save_figure
 from simpick.recording.recording_file import RecordingFile
 
 COUNTERS = ("step", "queries", "seconds")
@@ -69,12 +70,8 @@ def figures_of(rows: Sequence[Mapping[str, Any]], split: str) -> list[str]:
 
 def plot_curves(rows: Sequence[Mapping[str, Any]], file: Path) -> None:
     """Draw losses, held-out errors of sampled poses and throughput against the queries seen."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     rows = [{**row, "centre": 100 * row["centre_half_sides"]} if "centre_half_sides" in row else row for row in rows]
-    figure = Figure(figsize=(13, 7), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(13, 7)
     for axis, (title, split, names, is_log) in zip(figure.subplots(2, 3).flat, _PANELS, strict=True):
         for name in names or [name for name in figures_of(rows, split) if name not in _RATES]:
             queries, values = series(rows, split, name)
@@ -87,7 +84,7 @@ def plot_curves(rows: Sequence[Mapping[str, Any]], file: Path) -> None:
         axis.grid(alpha=0.3, which="both")
         if len(axis.lines) > 1:
             axis.legend(fontsize=7)
-    figure.savefig(file, dpi=110)
+    save_figure(figure, file)
 
 
 def record_curves(rows: Sequence[Mapping[str, Any]], file: Path, *, recording_id: str) -> None:
@@ -119,11 +116,7 @@ def record_curves(rows: Sequence[Mapping[str, Any]], file: Path, *, recording_id
 
 def plot_scaling(runs: Mapping[str, Sequence[Mapping[str, Any]]], file: Path) -> None:
     """Draw the held-out median rotation error against queries seen, both on logarithmic axes, one line a run."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(6, 4), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(6, 4)
     axis = figure.subplots()
     for name, rows in runs.items():
         queries, values = series(rows, "validation", "rotation_deg")
@@ -135,7 +128,7 @@ def plot_scaling(runs: Mapping[str, Sequence[Mapping[str, Any]]], file: Path) ->
     axis.set_title("Sampled poses of held-out parts", fontsize=10)
     axis.grid(alpha=0.3, which="both")
     axis.legend(fontsize=8)
-    figure.savefig(file, dpi=130)
+    save_figure(figure, file)
 
 
 def write_curves(log: Path, *, recording_id: str) -> list[Path]:

@@ -16,10 +16,10 @@ import torch
 import tyro
 from jaxtyping import Float
 
-from simpick.errors import OutputError
 from simpick.estimators.raypose.diffusion.schedule import SCHEDULES, make_schedule
 from simpick.estimators.raypose.network.pose_maps import CHANNELS, ViewPoses, decode_pose_maps, encode_pose_maps
 from simpick.geometry.torch_rotations import random_rotations, rotation_angle
+from simpick.plotting import new_figure, save_figure
 
 CELLS = (3, 6, 8, 16)
 DEVIATIONS = np.geomspace(0.1, 100.0, 25)
@@ -74,9 +74,7 @@ def draw(path: Path, results: dict[int, MapNoise]) -> None:
     Raises:
         OutputError: the file cannot be written.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10.4, 3.3), layout="constrained")
+    figure = new_figure(10.4, 3.3)
     panels = [
         ("rotation error (deg)", "rotation_deg", (0.3, 200)),
         ("centre error (box sides)", "centre_box_sides", (3e-3, 10)),
@@ -98,10 +96,7 @@ def draw(path: Path, results: dict[int, MapNoise]) -> None:
         top.minorticks_off()
         top.set_xlabel("log-SNR")
     figure.legend(*figure.axes[0].get_legend_handles_labels(), fontsize=8, loc="outside right upper")
-    try:
-        figure.savefig(path, dpi=72, format="png", pil_kwargs={"optimize": True})
-    except OSError as error:
-        raise OutputError(f"{path} cannot be written ({error.strerror}); choose another --out") from error
+    save_figure(figure, path, dpi=72)
 
 
 def table(results: dict[int, MapNoise], schedules: Sequence[str] = SCHEDULES, limit_deg: float = 10.0) -> str:

@@ -1,30 +1,22 @@
-"""A training run's progress on the terminal: one line that is drawn anew, and a line for every validation."""
+"""A training run's progress on the terminal: one line that is redrawn, and one line per validation."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
-
+from simpick.terminal import Console, share_bar
 from simpick.training.trainer import Budget
 
 
 class TrainProgress:
-    """Shows the rows of the log as they come. A context manager."""
+    """Shows the rows of the log as they are written. A context manager."""
 
     def __init__(self, budget: Budget, console: Console) -> None:
         self._console, self._budget = console, budget
-        self._bar = Progress(
-            TextColumn("step {task.fields[step]}"),
-            BarColumn(bar_width=24),
-            TaskProgressColumn(),
-            TextColumn("{task.fields[figures]}"),
-            TimeElapsedColumn(),
-            TextColumn("{task.fields[left]}"),
-            console=console,
+        self._bar = share_bar(
+            "step {task.fields[step]}", "{task.fields[figures]}", "{task.fields[left]}", console=console
         )
-        self._task: TaskID = self._bar.add_task("train", total=1.0, step=0, figures="waiting for data", left="")
+        self._task = self._bar.add_task("train", total=1.0, step=0, figures="waiting for data", left="")
         self._validation = ""
 
     def show(self, row: dict[str, Any], progress: float) -> None:
@@ -57,7 +49,7 @@ def validation_line(row: dict[str, Any]) -> str:
 
 
 def time_left(seconds: float, progress: float) -> str:
-    """Return how long a run will still take if it goes on as before."""
+    """Return the time that is left of a run, at its speed so far."""
     if not 0 < progress < 1:
         return ""
     minutes = seconds * (1 - progress) / progress / 60

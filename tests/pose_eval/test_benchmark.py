@@ -194,7 +194,7 @@ def test_figures_are_not_written_over_anything_by_accident(tmp_path: Path, capsy
             "iterations and steps are options of coarse and fine; 'retrieval' has none",
         ),
         (("retrieval", "--steps", "2"), "iterations and steps are options of coarse and fine; 'retrieval' has none"),
-        (("fine", "--steps", "0"), "steps must be 1 or more, got 0"),
+        (("fine", "--steps", "0"), "steps must be at least 1, got 0"),
         (("fine", "--iterations", "0"), "a fine network needs 1 iteration or more, got 0"),
         (("retrieval@none",), "an estimator must be written NAME or NAME@K with K hypotheses"),
     ],

@@ -66,5 +66,6 @@ def test_the_script_draws_and_tells(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 
 def test_a_picture_that_cannot_be_written(tmp_path: Path, results: dict[int, MapNoise]) -> None:
-    with pytest.raises(OutputError, match=r"noise.png cannot be written \(No such file or directory\); choose another"):
-        draw(tmp_path / "none" / "noise.png", results)
+    (tmp_path / "file").touch()
+    with pytest.raises(OutputError, match=r"cannot write to .*file"):
+        draw(tmp_path / "file" / "noise.png", results)
