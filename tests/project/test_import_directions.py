@@ -1,70 +1,71 @@
-"""Rooms import one way only, and importing simpick stays light."""
+"""Imports point one way, between rooms and between files, and importing simpick stays light."""
 
-import ast
 import subprocess
 import sys
-from pathlib import Path
+from graphlib import CycleError, TopologicalSorter
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from tests.project.source_imports import imported_modules, source_files
 
-# A room may import rooms of its own layer or of earlier ones.
-LAYERS = [
-    {"errors", "records", "geometry", "caching", "config", "run_folder", "tensor_record", "workers"},
-    {"assets"},
-    {"scene", "rendering"},
-    {"grasping", "motion", "bop", "estimators"},
-    {"policies", "envs", "recording"},
-    {"metrics"},
-    {"pose_eval", "experiments", "training"},
-    {"cli"},
-]
-LAYER_OF = {room: layer for layer, rooms in enumerate(LAYERS) for room in rooms}
-FOLDERS = [ROOT / "simpick", ROOT / "assets", ROOT / "envs", ROOT / "estimators"]
-
-
-def source_files() -> list[Path]:
-    files = []
-    for folder in FOLDERS:
-        files += [f for f in folder.rglob("*.py") if not any(p.is_symlink() for p in f.parents)]
-    return sorted(set(files))
-
-
-def room_of(file: Path) -> str | None:
-    parts = file.relative_to(ROOT).parts
-    name = parts[1] if parts[0] == "simpick" else parts[0]
-    return name.removesuffix(".py") if name != "__init__.py" or parts[0] != "simpick" else None
-
-
-def imported_rooms(file: Path) -> set[str]:
-    rooms = set()
-    for node in ast.walk(ast.parse(file.read_text())):
-        modules = []
-        if isinstance(node, ast.Import):
-            modules = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
-            modules = [node.module]
-        rooms |= {m.split(".")[1] for m in modules if m.startswith("simpick.")}
-    return rooms
+# A room is a folder or file of the package. It imports only rooms before it in this list.
+ROOMS = (
+    "errors",
+    "caching",
+    "config",
+    "run_folder",
+    "tensor_record",
+    "workers",
+    "terminal",
+    "plotting",
+    "geometry",
+    "records",
+    "assets",
+    "rendering",
+    "scene",
+    "bop",
+    "grasping",
+    "motion",
+    "estimators",
+    "envs",
+    "policies",
+    "recording",
+    "metrics",
+    "pose_eval",
+    "experiments",
+    "training",
+    "cli",
+)
+MODULES = [module for module in source_files() if module != "simpick"]
 
 
-@pytest.mark.parametrize("file", source_files(), ids=lambda f: str(f.relative_to(ROOT)))
-def test_rooms_import_only_earlier_rooms(file: Path) -> None:
-    room = room_of(file)
-    if room is None:
-        return
-    too_late = {r for r in imported_rooms(file) if LAYER_OF[r] > LAYER_OF[room]}
-    assert not too_late, f"{room} (layer {LAYER_OF[room]}) must not import {too_late}"
+def room_of(module: str) -> str:
+    return module.split(".")[1]
 
 
-def test_every_room_has_a_layer() -> None:
-    assert {room_of(f) for f in source_files()} - {None} <= LAYER_OF.keys()
+@pytest.mark.parametrize("module", MODULES)
+def test_a_room_imports_only_rooms_before_it(module: str) -> None:
+    room = room_of(module)
+    allowed = {"simpick", *(f"simpick.{earlier}" for earlier in ROOMS[: ROOMS.index(room) + 1])}
+    wrong = {m for m in imported_modules(module) if ".".join(m.split(".")[:2]) not in allowed}
+    assert not wrong, f"{module} must not import {sorted(wrong)}: {room} comes first in ROOMS"
+
+
+@pytest.mark.xfail(strict=False, reason="library and user_parts, runs and ray_runs are still to be separated")
+def test_no_two_files_import_each_other() -> None:
+    try:
+        TopologicalSorter({module: imported_modules(module) for module in source_files()}).prepare()
+    except CycleError as error:
+        pytest.fail(f"files import each other: {' <- '.join(error.args[1])}")
+
+
+def test_every_room_is_in_the_list() -> None:
+    assert {room_of(module) for module in MODULES} == set(ROOMS)
 
 
 def test_files_stay_under_400_lines() -> None:
-    long = {str(f.relative_to(ROOT)): n for f in source_files() if (n := len(f.read_text().splitlines())) > 400}
-    assert not long
+    lengths = {module: len(file.read_text().splitlines()) for module, file in source_files().items()}
+    assert {module: length for module, length in lengths.items() if length > 400} == {}
 
 
 def run_fresh(code: str) -> str:
