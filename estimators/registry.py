@@ -147,7 +147,7 @@ def find_estimator(name: str) -> EstimatorSpec:
         if entry.name == name:
             return _spec_of(entry)
     raise UnknownNameError(
-        "perception", name, estimator_names(), f"Other packages add theirs as entry points of {ENTRY_POINT_GROUP!r}."
+        "estimator", name, estimator_names(), f"Other packages add theirs as entry points of {ENTRY_POINT_GROUP!r}."
     )
 
 

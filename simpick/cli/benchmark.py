@@ -7,7 +7,7 @@ from typing import Annotated
 
 import tyro
 
-from simpick.experiments.run_config import RunConfig
+from simpick.experiments.config import RunConfig
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Benchmark:
         from simpick.terminal import Console, narrow_table
 
         config = self.config
-        title = f"{config.count} parts, {config.gripper}, {config.perception}, {os.cpu_count()} processor cores"
+        title = f"{config.count} parts, {config.gripper}, {config.estimator}, {os.cpu_count()} processor cores"
         columns = ("envs", "episodes", "attempts", "episodes/h", "attempts/h", "time for decisions")
         table = narrow_table(*columns, title=title, labels=0)
         for num_envs in self.envs:

@@ -5,11 +5,10 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
 
 import tyro
 
-from simpick.experiments.compare_config import CompareConfig
+from simpick.experiments.config import CompareConfig, Execution
 
 
 @dataclass(frozen=True)
@@ -18,7 +17,8 @@ class Compare:
 
     Modes are oracle (true poses), oracle_noise (true poses with noise), retrieval, retrieval_refined, coarse, fine,
     refined, and estimators of other packages. NAME@K asks an estimator for K hypotheses per part. NAME+closer corrects
-    each grasp by a second image, from the wrist camera. Each mode is compared with the first and with its predecessor.
+    each grasp by a second image, from the wrist camera. oracle_noise@2mm and oracle_noise@5deg set the noise in the
+    name. Each mode is compared with the first and with its predecessor.
 
     The same command resumes a comparison that was stopped, also with more episodes or more modes.
     """
@@ -27,37 +27,27 @@ class Compare:
     """What to compare."""
     out: Path = Path("logs/compare")
     """Folder for compare.json, results.jsonl, report.html, the plots and the recordings."""
-    record: bool = False
-    """Write one rerun recording per mode and bin."""
-    overwrite: bool = False
-    """Replace results in the folder --out instead of resuming them."""
-    workers: int = 1
-    """Episodes to run at the same time, each in its own process; perception takes longer then."""
-    ray: Annotated[str | None, tyro.conf.arg(metavar="ADDRESS", help_behavior_hint="(default: no cluster)")] = None
-    """Address of a Ray cluster: HOST:PORT, auto, or local for one on this machine."""
+    execution: tyro.conf.OmitArgPrefixes[Execution] = field(default_factory=Execution)
+    """How to run it."""
 
     def run(self) -> int:
         """Run what is missing, print the tables and write the report, also of a run that stops half-way."""
         from rich.console import Console
 
         from simpick.cli.parts import describe_files
-        from simpick.errors import ConfigError, OutputError, SimpickError
+        from simpick.errors import OutputError, SimpickError
         from simpick.experiments.comparison import Comparison
         from simpick.experiments.report.html import write_report
         from simpick.experiments.report.tables import causes_table, differences_tables, modes_tables
-        from simpick.experiments.runs import check_workers
 
-        check_workers(self.workers)
-        if self.ray is not None and self.workers != 1:
-            raise ConfigError(f"workers are for this machine, a Ray cluster has its own; got {self.workers} with --ray")
-        comparison = Comparison.open(self.config, self.out, overwrite=self.overwrite)
+        comparison = Comparison.open(self.config, self.out, overwrite=self.execution.overwrite)
         console = Console()
         for line in describe_files(self.config.parts):
             console.print(line, soft_wrap=True)
         try:
-            comparison.run(record=self.record, workers=self.workers, ray_address=self.ray, console=console)
+            comparison.run(self.execution, console)
         except (SimpickError, KeyboardInterrupt):
-            # What stopped the run is what must be told, also where the report cannot be written either.
+            # What stopped the run must be reported, also where the report cannot be written either.
             with suppress(OutputError):
                 if comparison.statistics().bins:
                     console.print(f"partial report: {write_report(comparison)}", soft_wrap=True)

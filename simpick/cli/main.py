@@ -48,7 +48,6 @@ COMMANDS = {
 FORMER_COMMANDS = {"yardstick": "pose-benchmark"}
 FORMER_OPTIONS = {
     "run": {"--perception": "--estimator"},
-    "sweep": {"--perception": "--estimator"},
     "benchmark": {"--perception": "--estimator"},
     "evaluate": {"--scenes": "--bins", "--noise": "--detections"},
     "pose-benchmark": {"--noise": "--detections"},

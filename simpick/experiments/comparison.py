@@ -1,4 +1,4 @@
-"""A comparison as a whole: its configuration, its folder, its episodes, and what they amount to."""
+"""A comparison: configuration, folder, episodes and figures. A run is a comparison of one mode."""
 
 from __future__ import annotations
 
@@ -10,15 +10,13 @@ from rich.console import Console
 
 from simpick.experiments.analysis.failure_causes import Failure, find_failures
 from simpick.experiments.analysis.paired import PairedStatistics, compare_modes, paired_bins
-from simpick.experiments.compare_config import CompareConfig
+from simpick.experiments.config import CompareConfig, Execution, RunConfig
 from simpick.experiments.episodes import recording_file, validate
 from simpick.experiments.modes import ORACLE
-from simpick.experiments.provenance import run_identity
+from simpick.experiments.provenance import run_provenance
 from simpick.experiments.result_store import EpisodeResult, ResultStore
-from simpick.experiments.run_config import RunConfig
-from simpick.experiments.runs import Job, run_jobs
+from simpick.experiments.runs import run_jobs
 
-COMPARE_FILE = "compare.json"
 BOOTSTRAP_SEED = 0
 
 
@@ -26,23 +24,23 @@ BOOTSTRAP_SEED = 0
 class Comparison:
     """Modes, the bins that they pick, and the results so far."""
 
-    config: CompareConfig
+    config: RunConfig | CompareConfig
     runs: dict[str, RunConfig]
     """By the mode's full name, in the order asked for."""
     store: ResultStore
 
     @staticmethod
-    def open(config: CompareConfig, folder: Path, *, overwrite: bool = False) -> Comparison:
+    def open(config: RunConfig | CompareConfig, folder: Path, *, overwrite: bool = False) -> Comparison:
         """Check everything and open the folder, made if missing.
 
         Raises:
-            SimpickError: a mode, part or setting is amiss, or `folder` holds something else; nothing was run.
+            SimpickError: a mode, part or setting is wrong, or `folder` holds something else; nothing was run.
         """
-        runs = config.run_configs()
-        # The cell is the same for all modes, whose estimators were checked just now.
+        runs = config.runs()
+        # The cell is the same for all modes, and `CompareConfig.runs` has checked their estimators.
         validate(next(iter(runs.values())))
-        identity = run_identity(config, runs.values())
-        store = ResultStore(folder, identity, overwrite=overwrite, config_file=COMPARE_FILE)
+        provenance = run_provenance(config, runs.values())
+        store = ResultStore(folder, provenance, overwrite=overwrite, config_file=config.CONFIG_FILE)
         return Comparison(config, runs, store)
 
     @property
@@ -55,21 +53,15 @@ class Comparison:
         """Return the finished episodes that were asked for."""
         return tuple(r for r in self.store.results if r.mode in self.runs)
 
-    def run(
-        self,
-        *,
-        record: bool = False,
-        workers: int = 1,
-        ray_address: str | None = None,
-        console: Console | None = None,
-    ) -> None:
+    def run(self, execution: Execution | None = None, console: Console | None = None) -> None:
         """Run the missing episodes: all modes of one bin, then of the next, so that half a comparison is paired.
 
         Raises:
-            SimpickError: a worker died, the disk is full, or the cluster cannot be used; what was finished is kept.
+            SimpickError: an episode's process died, the disk is full, or the cluster cannot be used; finished episodes
+                are kept.
         """
-        jobs = [Job(run, episode) for episode in range(self.config.episodes) for run in self.runs.values()]
-        run_jobs(jobs, self.store, record=record, workers=workers, ray_address=ray_address, console=console)
+        jobs = [(run, episode) for episode in range(self.config.episodes) for run in self.runs.values()]
+        run_jobs(jobs, self.store, execution or Execution(), console)
 
     def paired(self) -> dict[str, list[EpisodeResult]]:
         """Return each mode's results of the bins that all finished."""
@@ -80,7 +72,7 @@ class Comparison:
         return compare_modes(self.results, self.modes, np.random.default_rng(BOOTSTRAP_SEED))
 
     def failures(self) -> dict[str, list[Failure]]:
-        """Return each mode's failures in the paired bins, held against the oracle's picks if it takes part."""
+        """Return each mode's failures in the paired bins, compared with the oracle's picks if it takes part."""
         paired = self.paired()
         return {mode: find_failures(paired[mode], paired.get(ORACLE, [])) for mode in self.modes}
 
@@ -105,5 +97,5 @@ def compare(
         SimpickError: a mode, part or setting is wrong, `folder` holds something else, or a worker process died.
     """
     comparison = Comparison.open(config, Path(folder), overwrite=overwrite)
-    comparison.run(record=record, workers=workers)
+    comparison.run(Execution(record=record, workers=workers))
     return comparison

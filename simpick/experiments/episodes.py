@@ -15,9 +15,9 @@ from simpick.assets.library import library_part_names
 from simpick.assets.part import Part
 from simpick.envs.bin_pick import BinPickEnv
 from simpick.envs.observations import frame_from_observation
+from simpick.experiments.config import CellConfig, RunConfig
 from simpick.experiments.perceptions import make_perception, make_refiner
 from simpick.experiments.result_store import EpisodeResult
-from simpick.experiments.run_config import CellConfig, RunConfig
 from simpick.geometry import invert
 from simpick.metrics.models import EvaluationModel
 from simpick.metrics.pose_errors import pose_error
@@ -54,7 +54,7 @@ def validate(config: RunConfig) -> None:
     """Check every name, part and setting of a run, before anything is simulated or written.
 
     Raises:
-        SimpickError: something is amiss; the message says what and what to do.
+        SimpickError: something is wrong; the message states what, and what to do.
     """
     env = make_env(config)
     make_perception(config, env, np.random.default_rng(0))
@@ -97,6 +97,19 @@ def run_configured_episode(
     finally:
         if own_env:
             env.close()
+
+
+def run_recorded_episode(
+    config: RunConfig, episode: int, folder: Path | None, *, on_pick: Callable[[PickRecord], None] | None = None
+) -> EpisodeResult:
+    """Run one episode of `config`, recorded into `folder` unless that is None."""
+    if folder is None:
+        return run_configured_episode(config, episode, on_pick=on_pick)
+    # Only here: rerun takes time to import.
+    from simpick.recording import RerunRecorder
+
+    with RerunRecorder(recording_file(folder, config, episode), overwrite=True) as recorder:
+        return run_configured_episode(config, episode, recorder=recorder, on_pick=on_pick)
 
 
 def run_episode(

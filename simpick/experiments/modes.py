@@ -1,7 +1,8 @@
-"""Perception modes as a comparison names them: ``retrieval``, ``retrieval@8``, ``fine+closer``, ``oracle_noise``."""
+"""Perception modes by name: ``retrieval``, ``retrieval@8``, ``fine+closer``, ``oracle_noise``, ``oracle_noise@2mm``."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -11,7 +12,7 @@ from simpick.estimators.registry import ORACLE, EstimatorName, estimator_names, 
 
 ORACLE_NOISE = "oracle_noise"
 CLOSER = "+closer"
-"""Behind a mode's name: with a second look through the wrist camera."""
+"""Ends the name of a mode with a second look through the wrist camera."""
 
 
 @dataclass(frozen=True)
@@ -21,12 +22,15 @@ class Mode:
     name: str
     """The estimator's name, or ``oracle_noise`` for the oracle with noise."""
     hypotheses: int | None = None
-    """How many hypotheses it is asked for; None for its own number."""
+    """Hypotheses per part; None for the estimator's default."""
+    noise: tuple[float, str] | None = None
+    """Of ``oracle_noise``: median error and its unit, ``mm`` or ``deg``; None for that of the configuration."""
     look_closer: bool = False
     """Whether the wrist camera looks again before the gripper descends."""
 
     def __str__(self) -> str:
-        return f"{EstimatorName(self.name, self.hypotheses)}{CLOSER if self.look_closer else ''}"
+        noise = "" if self.noise is None else f"@{self.noise[0]:g}{self.noise[1]}"
+        return f"{EstimatorName(self.name, self.hypotheses)}{noise}{CLOSER if self.look_closer else ''}"
 
     @property
     def knows_truth(self) -> bool:
@@ -35,22 +39,29 @@ class Mode:
 
 
 def parse_mode(text: str) -> Mode:
-    """Return the mode that is written ``NAME`` or ``NAME@K``, with ``+closer`` behind it or not.
+    """Return the mode that is written ``NAME``, ``NAME@K`` or ``oracle_noise@LEVEL``, each with or without ``+closer``.
 
     Raises:
         ConfigError: it is not written so, or the oracle is asked for hypotheses.
     """
-    estimator = EstimatorName.parse(text.removesuffix(CLOSER))
-    if estimator.name == ORACLE_NOISE and estimator.hypotheses is not None:
-        raise ConfigError(f"{ORACLE_NOISE} makes no hypotheses, got {text!r}; leave out @{estimator.hypotheses}")
-    return Mode(estimator.name, estimator.hypotheses, text.endswith(CLOSER))
+    name, look_closer = text.removesuffix(CLOSER), text.endswith(CLOSER)
+    if name.startswith(f"{ORACLE_NOISE}@"):
+        match = re.fullmatch(rf"{ORACLE_NOISE}@(\d+\.?\d*)(mm|deg)", name)
+        if match is None or float(match[1]) == 0:
+            raise ConfigError(
+                f"the noise of {ORACLE_NOISE} must be a number above 0 in mm or deg, such as {ORACLE_NOISE}@2.5deg; "
+                f"got {text!r}"
+            )
+        return Mode(ORACLE_NOISE, noise=(float(match[1]), match[2]), look_closer=look_closer)
+    estimator = EstimatorName.parse(name)
+    return Mode(estimator.name, estimator.hypotheses, look_closer=look_closer)
 
 
 def check_modes(texts: Sequence[str]) -> None:
-    """Check that every mode can be run, by making its estimator, and tell all that is wrong at once.
+    """Check that every mode can be run, by making its estimator, and report everything that is wrong at once.
 
     Raises:
-        ConfigError: modes are missing, misspelt, named twice, unknown, or cannot be made, for want of weights say.
+        ConfigError: modes are missing, misspelt, named twice, unknown, or cannot be made, for lack of weights say.
     """
     problems = [] if texts else ["name one mode or more, such as: simpick compare oracle retrieval"]
     valid = sorted({*estimator_names(), ORACLE_NOISE})

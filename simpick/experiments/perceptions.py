@@ -13,7 +13,7 @@ from simpick.estimators.base import PoseEstimator, PoseRefiner
 from simpick.estimators.oracle import OracleEstimator, OracleRefiner, PoseNoise
 from simpick.estimators.registry import ORACLE, SHIPPED, load_estimator
 from simpick.estimators.segmentation_detector import SegmentationDetector
-from simpick.experiments.run_config import RunConfig
+from simpick.experiments.config import RunConfig
 from simpick.policies import Perception
 from simpick.records import InstanceTruth
 
@@ -44,17 +44,17 @@ def _perception(
 ) -> Perception:
     detector_rng, noise_rng = rng.spawn(2)
     detector = SegmentationDetector(config.detections, detector_rng, instance_parts=instance_parts)
-    if config.perception == ORACLE:
+    if config.estimator == ORACLE:
         noise = PoseNoise(config.noise_deg, config.noise_mm)
         return Perception(ORACLE, detector, OracleEstimator(truth, noise, noise_rng))
-    make = _shared_estimator if config.perception in SHIPPED else load_estimator
-    estimator = make(config.perception, hypotheses=config.hypotheses)
-    return Perception(config.perception, detector, estimator)
+    make = _shared_estimator if config.estimator in SHIPPED else load_estimator
+    estimator = make(config.estimator, hypotheses=config.hypotheses)
+    return Perception(config.estimator, detector, estimator)
 
 
 def make_refiner(config: RunConfig, env: BinPickEnv) -> PoseRefiner:
     """Return who corrects poses by a second look: the truth for the oracle, else this process's one refiner."""
-    return OracleRefiner(env.truth) if config.perception == ORACLE else _shared_refiner()
+    return OracleRefiner(env.truth) if config.estimator == ORACLE else _shared_refiner()
 
 
 @cache

@@ -9,14 +9,14 @@ from typing import Any
 from simpick.assets.library import get_part, library_part_names
 from simpick.caching import cache_key
 from simpick.estimators.registry import ORACLE, find_estimator
+from simpick.experiments.config import CellConfig, RunConfig
 from simpick.experiments.provenance_changes import GRASPS, MODE_DATA, PART_CONTENT, VERSIONS
-from simpick.experiments.run_config import CellConfig, RunConfig
 from simpick.grasping.store import recipe, shipped_path
 
 _PACKAGES = ("simpick", "mujoco", "torch")
 
 
-def run_identity(config: CellConfig, runs: Iterable[RunConfig]) -> dict[str, Any]:
+def run_provenance(config: CellConfig, runs: Iterable[RunConfig]) -> dict[str, Any]:
     """Return what the results of `config`, which stands for these runs, depend on, for a `ResultStore`.
 
     Beside the settings these are versions, each mode's weights, the verified grasps, and the parts that the user
@@ -30,11 +30,9 @@ def run_identity(config: CellConfig, runs: Iterable[RunConfig]) -> dict[str, Any
     own = {name: get_part(name).content_hash for name in config.parts if name not in library}
     stored = [shipped_path(name, config.gripper) for name in config.parts or library if name not in own]
     grasps = cache_key(1, recipe(config.gripper), *(f.read_bytes() for f in stored if f.is_file()))
-    identity = config.to_json() | {
+    provenance = config.to_json() | {
         VERSIONS: {name: version(name) for name in _PACKAGES},
-        MODE_DATA: {
-            run.mode: {} if run.perception == ORACLE else find_estimator(run.perception).data() for run in runs
-        },
+        MODE_DATA: {run.mode: {} if run.estimator == ORACLE else find_estimator(run.estimator).data() for run in runs},
         GRASPS: grasps,
     }
-    return identity | ({PART_CONTENT: own} if own else {})
+    return provenance | ({PART_CONTENT: own} if own else {})

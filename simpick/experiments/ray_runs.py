@@ -1,4 +1,4 @@
-"""Episodes on a Ray cluster: one actor a core, which keeps its estimators onboarded from job to job."""
+"""Episodes on a Ray cluster: one actor per core, which keeps its estimators onboarded from job to job."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from typing import Any
 
 from simpick.caching import atomic_write_bytes
 from simpick.errors import SimpickError
-from simpick.experiments.episodes import recording_file
+from simpick.experiments.config import RunConfig
+from simpick.experiments.episodes import recording_file, run_recorded_episode
 from simpick.experiments.result_store import EpisodeResult
-from simpick.experiments.run_config import RunConfig
 
 RETRIES = 2
-"""How often an episode is begun again after the machine or process that ran it went away."""
+"""How many times an episode is repeated after the machine or process that ran it was lost."""
 
 
 class EpisodeActor:
@@ -24,12 +24,10 @@ class EpisodeActor:
 
     def run(self, config: RunConfig, episode: int, record: bool) -> tuple[EpisodeResult, bytes | None]:
         """Return an episode's result and its recording, which may be made on a machine with other disks."""
-        from simpick.experiments.runs import run_recorded
-
         if not record:
-            return run_recorded(config, episode, None), None
+            return run_recorded_episode(config, episode, None), None
         with tempfile.TemporaryDirectory() as folder:
-            result = run_recorded(config, episode, Path(folder))
+            result = run_recorded_episode(config, episode, Path(folder))
             return result, recording_file(Path(folder), config, episode).read_bytes()
 
 
@@ -39,10 +37,10 @@ def results_from_ray(
     """Run episodes on the cluster at `address` and yield their results as they end.
 
     ``local`` starts a cluster on this machine, ``auto`` takes the one that this machine belongs to. simpick and mesh
-    files must be installed at the same paths on every machine. Recordings are brought to `folder`.
+    files must be installed at the same paths on every machine. Recordings are written to `folder`.
 
     Raises:
-        SimpickError: Ray is not installed, no cluster answers, or a machine went away again and again.
+        SimpickError: Ray is not installed, no cluster answers, or an episode was lost too many times.
     """
     ray = _connect(address)
     try:
@@ -66,7 +64,7 @@ def results_from_ray(
 
 def _connect(address: str) -> Any:
     """Return the `ray` module, connected."""
-    # Ray reports its use to its makers unless told otherwise, and a run of simpick needs no network of its own.
+    # Ray sends usage statistics to its developers by default, and a run of simpick needs no network of its own.
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     try:
         ray = import_module("ray")
@@ -95,7 +93,7 @@ def _received(ray: Any, done: Any, config: RunConfig, episode: int, folder: Path
     except ray.exceptions.RayError as error:
         raise SimpickError(
             f"the Ray cluster lost episode {episode} of {config.mode} {RETRIES + 1} times "
-            f"({type(error).__name__}). What was finished is kept: run the same command again to go on"
+            f"({type(error).__name__}). What was finished is kept: run the same command again to resume"
         ) from error
     if folder is not None and recording is not None:
         atomic_write_bytes(recording_file(folder, config, episode), recording)

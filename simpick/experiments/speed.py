@@ -11,8 +11,8 @@ from typing import Any
 import mujoco
 
 from simpick.envs.bin_pick import BinPickEnv
+from simpick.experiments.config import RunConfig
 from simpick.experiments.episodes import make_env, make_policy, run_configured_episode
-from simpick.experiments.run_config import RunConfig
 from simpick.rendering.scene_renderer import SceneRenderer
 
 PHYSICS = ("mj_step", "mj_forward", "mj_kinematics", "mj_camlight", "mj_collision")

@@ -9,9 +9,9 @@ import numpy as np
 
 from simpick.envs.bin_pick_vector import BinPickVectorEnv
 from simpick.errors import ConfigError
+from simpick.experiments.config import RunConfig
 from simpick.experiments.episodes import make_scene_config
 from simpick.experiments.perceptions import make_vector_perceptions
-from simpick.experiments.run_config import RunConfig
 from simpick.policies import VectorPickPolicy
 
 

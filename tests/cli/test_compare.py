@@ -122,7 +122,7 @@ def test_wrong_modes_are_told_all_at_once(tmp_path: Path, capsys, monkeypatch: p
     ("arguments", "text"),
     [
         (("--noise-mm", "0", "--noise-deg", "0"), "noise_deg and noise_mm must not both be 0"),
-        (("--workers", "0"), "workers must be 1 or more, got 0"),
+        (("--workers", "0"), "workers must be at least 1, got 0"),
         (("--workers", "2", "--ray", "local"), "workers are for this machine, a Ray cluster has its own"),
         (("--parts", "hexbolt"), "no part named 'hexbolt'"),
         (("--count", "0"), "count must be between 1 and 50, got 0"),

@@ -43,7 +43,7 @@ def test_a_malformed_name_is_refused(text: str) -> None:
 
 def test_an_unknown_name_lists_what_exists() -> None:
     assert {"oracle", "retrieval"} <= set(estimator_names())
-    expected = r"no perception named 'telepathy'\. Valid: coarse, fine, oracle, refined, retrieval"
+    expected = r"no estimator named 'telepathy'\. Valid: coarse, fine, oracle, refined, retrieval"
     with pytest.raises(UnknownNameError, match=expected):
         load_estimator("telepathy")
 

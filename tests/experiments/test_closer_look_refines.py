@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
+from simpick.experiments.config import RunConfig
 from simpick.experiments.episodes import make_env, run_configured_episode
-from simpick.experiments.run_config import RunConfig
 from simpick.policies.closer_look import CloserLook
 from simpick.records import CameraFrame, PoseEstimate
 
@@ -13,7 +13,7 @@ pytestmark = pytest.mark.render
 
 
 def test_a_retrieved_pose_is_nearer_to_the_truth_after_the_closer_look(monkeypatch: pytest.MonkeyPatch) -> None:
-    config = RunConfig(parts=("l_bracket",), count=1, perception="retrieval", look_closer=True)
+    config = RunConfig(parts=("l_bracket",), count=1, estimator="retrieval", look_closer=True)
     env, refined = make_env(config), CloserLook.refined
     distances_mm: list[tuple[float, float]] = []
 

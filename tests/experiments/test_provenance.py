@@ -9,11 +9,10 @@ from simpick.errors import OutputError
 from simpick.estimators.raypose import checkpoints
 from simpick.estimators.refiner import confidence
 from simpick.estimators.registry import SHIPPED
-from simpick.experiments.compare_config import CompareConfig
-from simpick.experiments.provenance import run_identity
+from simpick.experiments.config import CompareConfig, RunConfig
+from simpick.experiments.provenance import run_provenance
 from simpick.experiments.provenance_changes import changes
 from simpick.experiments.result_store import EpisodeResult, ResultStore
-from simpick.experiments.run_config import RunConfig
 from simpick.grasping.store import shipped_path
 
 
@@ -30,7 +29,7 @@ def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def identity(*modes: str) -> dict:
     config = CompareConfig(modes=modes, parts=("hex_bolt",))
-    return run_identity(config, [RunConfig(parts=config.parts, perception=mode) for mode in modes])
+    return run_provenance(config, [RunConfig(parts=config.parts, estimator=mode) for mode in modes])
 
 
 def test_weights_that_ship_are_among_them() -> None:

@@ -2,11 +2,10 @@
 
 from pathlib import Path
 
-from simpick.experiments.compare_config import CompareConfig
 from simpick.experiments.comparison import Comparison
+from simpick.experiments.config import CompareConfig, RunConfig
 from simpick.experiments.report.html import write_report
 from simpick.experiments.result_store import EpisodeResult, ResultStore
-from simpick.experiments.run_config import RunConfig
 from tests.experiments.test_result_store import make_pick
 
 MARKUP = "<b>bold</b>"
@@ -19,7 +18,7 @@ def report(folder: Path, mode: str, episodes: int) -> str:
     for episode in range(episodes):
         for name in config.modes:
             store.add(EpisodeResult(episode, episode, ("tee",), (make_pick(0),), "cleared", {}, name))
-    runs = {"oracle": RunConfig(), mode: RunConfig(perception=mode)}
+    runs = {"oracle": RunConfig(), mode: RunConfig(estimator=mode)}
     return write_report(Comparison(config, runs, store)).read_text()
 
 

@@ -7,11 +7,12 @@ import pytest
 
 from simpick.errors import SimpickError
 from simpick.experiments import runs
+from simpick.experiments.config import Execution, RunConfig
 from simpick.experiments.result_store import EpisodeResult, ResultStore
-from simpick.experiments.run_config import RunConfig
 from simpick.workers import LostCallError, WorkerLimits
 
 CONFIG = RunConfig(episodes=8)
+JOBS = [(CONFIG, episode) for episode in range(CONFIG.episodes)]
 
 
 class Threads(ThreadPoolExecutor):
@@ -36,8 +37,8 @@ def test_all_episodes_are_run_once(store: ResultStore, monkeypatch: pytest.Monke
         run.append(number)
         return EpisodeResult(number, number, (), (), "cleared", mode="oracle")
 
-    monkeypatch.setattr(runs, "run_recorded", episode)
-    runs.run_episodes(CONFIG, store, record=False, workers=3)
+    monkeypatch.setattr(runs, "run_recorded_episode", episode)
+    runs.run_jobs(JOBS, store, Execution(workers=3))
     assert sorted(run) == [0, 1, 2, 4, 5, 6, 7]
     assert [result.episode for result in store.results] == list(range(8))
 
@@ -55,7 +56,7 @@ def test_an_interrupt_closes_the_pool(store: ResultStore, monkeypatch: pytest.Mo
 
     monkeypatch.setattr(runs, "WorkerPool", Interrupted)
     with pytest.raises(KeyboardInterrupt):
-        runs.run_episodes(CONFIG, store, record=False, workers=2)
+        runs.run_jobs(JOBS, store, Execution(workers=2))
     assert closed and store.results == ()
 
 
@@ -63,9 +64,9 @@ def test_a_lost_episode_is_explained(store: ResultStore, monkeypatch: pytest.Mon
     def killed(config: RunConfig, number: int, folder: Path | None) -> EpisodeResult:
         raise LostCallError("2 worker processes were lost; the last one died (exit code -9)")
 
-    monkeypatch.setattr(runs, "run_recorded", killed)
+    monkeypatch.setattr(runs, "run_recorded_episode", killed)
     with pytest.raises(
         SimpickError,
         match=r"episode \d of oracle was lost.*exit code -9.*run the same command again, with fewer --workers",
     ):
-        runs.run_episodes(CONFIG, store, record=False, workers=2)
+        runs.run_jobs(JOBS, store, Execution(workers=2))

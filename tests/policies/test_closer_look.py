@@ -8,8 +8,8 @@ from simpick.errors import ConfigError
 from simpick.estimators.base import PoseRefiner
 from simpick.estimators.oracle import OracleEstimator, OracleRefiner, PoseNoise
 from simpick.estimators.segmentation_detector import SegmentationDetector
+from simpick.experiments.config import RunConfig
 from simpick.experiments.episodes import run_configured_episode
-from simpick.experiments.run_config import RunConfig
 from simpick.geometry import Pinhole, invert
 from simpick.policies import Perception, PickPolicy
 from simpick.policies.closer_look import CloserLook

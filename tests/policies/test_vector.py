@@ -12,8 +12,8 @@ from simpick.errors import ConfigError
 from simpick.estimators.base import BatchPoseEstimator, estimate_frames
 from simpick.estimators.retrieval import RetrievalConfig, RetrievalEstimator
 from simpick.estimators.segmentation_detector import SegmentationDetector
+from simpick.experiments.config import RunConfig
 from simpick.experiments.perceptions import make_perception, make_vector_perceptions
-from simpick.experiments.run_config import RunConfig
 from simpick.policies import (
     Perception,
     PickPolicy,

@@ -185,7 +185,7 @@ def test_figures_are_not_written_over_anything_by_accident(tmp_path: Path, capsy
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        (("telepathy",), "no perception named 'telepathy'. Valid: coarse, fine, oracle"),
+        (("telepathy",), "no estimator named 'telepathy'. Valid: coarse, fine, oracle"),
         (("oracle", "--bins", "51"), "bins of the yardstick must be between 1 and 50, got 51"),
         (("oracle", "--workers", "0"), "workers must be at least 1, got 0"),
         (("oracle", "--detections", "wild"), "wild"),

@@ -1,4 +1,4 @@
-"""A comparison as tables for the terminal."""
+"""Runs and comparisons as tables for the terminal."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ from rich.box import SIMPLE
 from rich.table import Table
 
 from simpick.experiments.analysis.failure_causes import Failure, FailureCause, count_causes
+from simpick.experiments.analysis.grasp_scores import score_grasps
 from simpick.experiments.analysis.paired import MEASURES, Measure, PairedStatistics
+from simpick.experiments.config import RunConfig
+from simpick.experiments.result_store import EpisodeResult
 from simpick.metrics.intervals import Interval
 
 DIFFERENCES = ("grasp_success", "first_try", "clearance", "mpph", "rotation_deg", "translation_mm")
@@ -37,6 +40,34 @@ def with_interval(interval: Interval, measure: Measure, *, sign: bool = False) -
 def heading(measure: Measure) -> str:
     """Return a measure's title with its unit."""
     return f"{measure.title}, {measure.unit}" if measure.unit else measure.title
+
+
+def scores_table(config: RunConfig, results: Sequence[EpisodeResult]) -> Table:
+    """Return the grasp scores of one run."""
+    scores = score_grasps(results)
+    # The mode's name leaves out the noise where it has both kinds.
+    noise = f" ({config.noise_deg:g} deg, {config.noise_mm:g} mm)" if config.noise_deg and config.noise_mm else ""
+    table = Table(title=f"{config.mode}{noise}, {config.gripper}, {config.detections} detections")
+    table.add_column("measure")
+    table.add_column("value", justify="right")
+    rows = {
+        "episodes": f"{scores.episodes}",
+        "attempts": f"{scores.attempts}",
+        "abstentions": f"{scores.abstentions}",
+        "grasp success": f"{scores.grasp_success:.1%}",
+        "clearance": f"{scores.clearance:.1%}",
+        "bins emptied": f"{scores.cleared_episodes:.1%}",
+        "first-try success": f"{scores.first_try_success:.1%}",
+        "mean picks per hour": f"{scores.mpph:.0f}",
+        "motion per attempt": f"{scores.motion_s:.2f} s",
+        "perception per pick": f"{scores.perception_s * 1e3:.0f} ms",
+        "median rotation error": f"{scores.rotation_deg:.2f} deg",
+        "median translation error": f"{scores.translation_mm:.2f} mm",
+    }
+    rows |= {f"outcome {name}": f"{n}" for name, n in scores.outcomes.items()}
+    for name, value in rows.items():
+        table.add_row(name, value)
+    return table
 
 
 def modes_tables(statistics: PairedStatistics) -> list[Table]:
