@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
-from simpick.caching import atomic_path, cache_dir, cache_key, read_npz
+from simpick.caching import cache_dir, cache_key, cached_arrays
 
 MAX_PIECES = 16
 """Physics slows with every piece of every instance in the bin."""
@@ -32,19 +32,18 @@ def convex_pieces(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, ...]:
         f"{MAX_PIECES} {THRESHOLD} {_MAX_VERTICES} {_THINNEST}",
     )
     path = cache_dir() / "convex_pieces" / f"{key}.npz"
-    stored = read_npz(path)
-    if stored is None:
-        pieces = _decompose(mesh)
-        stored = {
-            "vertices": np.concatenate([piece.vertices for piece in pieces]),
-            "faces": np.concatenate([piece.faces for piece in pieces]),
-            "starts": np.cumsum([[len(piece.vertices), len(piece.faces)] for piece in pieces], axis=0)[:-1],
-        }
-        with atomic_path(path) as temporary:
-            np.savez(temporary, allow_pickle=False, **stored)
+    stored = cached_arrays(path, ("vertices", "faces", "starts"), lambda: _joined(_decompose(mesh)))
     vertices = np.split(stored["vertices"], stored["starts"][:, 0])
     faces = np.split(stored["faces"], stored["starts"][:, 1])
     return tuple(trimesh.Trimesh(v, f, process=False) for v, f in zip(vertices, faces, strict=True))
+
+
+def _joined(pieces: list[trimesh.Trimesh]) -> dict[str, np.ndarray]:
+    return {
+        "vertices": np.concatenate([piece.vertices for piece in pieces]),
+        "faces": np.concatenate([piece.faces for piece in pieces]),
+        "starts": np.cumsum([[len(piece.vertices), len(piece.faces)] for piece in pieces], axis=0)[:-1],
+    }
 
 
 def _decompose(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:

@@ -21,7 +21,7 @@ from simpick.assets.convex_pieces import convex_pieces
 from simpick.assets.part import Material, Part
 from simpick.assets.symmetry_detection import detect_symmetries
 from simpick.assets.units import Unit, choose_unit
-from simpick.caching import atomic_path, cache_dir, cache_key, read_npz
+from simpick.caching import cache_dir, cache_key, cached_arrays
 from simpick.config import Config, Fraction, from_json, read_json
 from simpick.errors import ConfigError, MeshError, OutputError, UnknownNameError
 from simpick.geometry.symmetry import ContinuousSymmetry, SymmetryGroup
@@ -236,13 +236,13 @@ def _cached_symmetries(mesh: trimesh.Trimesh) -> SymmetryGroup:
     """Return the detected symmetries; detection takes seconds for cubes and the like, so it is done once."""
     key = cache_key(_SYMMETRY_CACHE_VERSION, np.asarray(mesh.vertices).tobytes(), np.asarray(mesh.faces).tobytes())
     path = cache_dir() / "symmetries" / f"{key}.npz"
-    stored = read_npz(path)
-    if stored is None:
+
+    def detected() -> dict[str, np.ndarray]:
         found = detect_symmetries(mesh)
         axes = np.array([[*axis.axis, *axis.offset_m] for axis in found.continuous]).reshape(-1, 6)
-        stored = {"discrete": found.discrete, "axes": axes}
-        with atomic_path(path) as temporary:
-            np.savez(temporary, allow_pickle=False, **stored)
+        return {"discrete": found.discrete, "axes": axes}
+
+    stored = cached_arrays(path, ("discrete", "axes"), detected)
     rows = [tuple(float(x) for x in row) for row in stored["axes"]]
     axes = tuple(ContinuousSymmetry((r[0], r[1], r[2]), (r[3], r[4], r[5])) for r in rows)
     return SymmetryGroup(stored["discrete"], axes)

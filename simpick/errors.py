@@ -58,6 +58,10 @@ class OutputError(SimpickError, OSError):
     """A result cannot be written where it was asked for, or something else stands there already."""
 
 
+class ArrayFileError(SimpickError, ValueError):
+    """A file of arrays is damaged, or is another kind of file."""
+
+
 class SceneError(SimpickError, RuntimeError):
     """A scene cannot be built, settled, saved or loaded."""
 

@@ -1,11 +1,23 @@
-"""The cache folder's place, its keys, and writes in one step."""
+"""The cache folder's place, its keys, files of arrays, and writes in one step."""
 
+import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from simpick.caching import atomic_path, atomic_write_text, cache_dir, cache_key
-from simpick.errors import OutputError
+from simpick.caching import (
+    atomic_path,
+    atomic_write_text,
+    cache_dir,
+    cache_key,
+    cached_arrays,
+    read_arrays,
+    write_arrays,
+)
+from simpick.errors import ArrayFileError, OutputError
+
+ARRAYS = {"image": np.arange(60, dtype=np.uint8).reshape(3, 4, 5), "names": np.array(["a", "bc"])}
 
 
 def test_cache_dir_follows_the_environment(monkeypatch):
@@ -38,3 +50,50 @@ def test_unwritable_folder_is_an_error_with_a_remedy(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(OutputError, match=r"cannot write to .*: .*SIMPICK_CACHE"):
         atomic_write_text(tmp_path / "file" / "x", "")
+
+
+def test_arrays_come_back_and_equal_arrays_give_equal_bytes(tmp_path):
+    for name in ("a.npz", "b.npz"):
+        write_arrays(tmp_path / name, ARRAYS)
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    for read in (read_arrays(tmp_path / "a.npz"), np.load(tmp_path / "a.npz")):
+        assert set(read) == set(ARRAYS)
+        for name, array in ARRAYS.items():
+            np.testing.assert_array_equal(read[name], array)
+
+
+def test_plain_members_come_as_bytes(tmp_path):
+    with zipfile.ZipFile(tmp_path / "old.zip", "w") as file:
+        file.writestr("depth", np.array([1, 2], "<u2").tobytes())
+    assert read_arrays(tmp_path / "old.zip")["depth"].view("<u2").tolist() == [1, 2]
+
+
+@pytest.mark.parametrize("damage", ["empty", "truncated", "flipped", "text", "pickle"])
+def test_a_damaged_file_is_an_error_and_is_made_again_in_the_cache(tmp_path, damage):
+    path = tmp_path / "a.npz"
+    write_arrays(path, ARRAYS)
+    content = bytearray(path.read_bytes())
+    content[60] ^= 1
+    if damage == "pickle":
+        np.savez(path, image=np.array([{}], object))
+    else:
+        path.write_bytes({"empty": b"", "truncated": content[:90], "flipped": content, "text": b"no zip"}[damage])
+    with pytest.raises(ArrayFileError, match=r"a\.npz must be a whole file of arrays, is damaged or foreign \(.+\)"):
+        read_arrays(path)
+    assert cached_arrays(path, ARRAYS, lambda: ARRAYS).keys() == ARRAYS.keys()
+    assert read_arrays(path).keys() == ARRAYS.keys()
+
+
+def test_cached_arrays_are_made_once_and_again_where_one_is_missing(tmp_path):
+    path, made = tmp_path / "deep" / "a.npz", []
+
+    def make() -> dict[str, np.ndarray]:
+        made.append(1)
+        return ARRAYS
+
+    for _ in range(2):
+        cached_arrays(path, ARRAYS, make)
+    assert len(made) == 1
+    write_arrays(path, {"image": ARRAYS["image"]})
+    cached_arrays(path, ARRAYS, make)
+    assert len(made) == 2

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,7 +13,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from simpick.assets.part import Part
-from simpick.caching import atomic_write_bytes, cache_dir, cache_key
+from simpick.caching import cache_dir, cache_key, cached_arrays
 from simpick.estimators.retrieval.descriptors import DIMENSIONS, describe
 from simpick.estimators.retrieval.turned_crops import aim_turned_crops, render_turned_crops
 from simpick.geometry import SymmetryGroup, random_rotation
@@ -139,34 +137,20 @@ def load_index(
     templates = load_templates(part, config, progress=progress)
     crops = aim_turned_crops(templates, turns)
     path = _index_path(part, config, turns)
-    descriptors = _read(path, len(crops.focal_px))
-    if descriptors is None:
+
+    def describe_all() -> dict[str, np.ndarray]:
         described = [describe(gray, masks) for gray, masks in render_turned_crops(templates, crops)]
-        descriptors = torch.cat(described).half()
-        _write(path, descriptors)
+        return {"descriptors": torch.cat(described).half().numpy()}
+
+    stored = cached_arrays(path, ("descriptors",), describe_all)["descriptors"]
+    # Files of simpick 0.1 hold plain bytes.
+    descriptors = torch.tensor(stored.view("<f2").reshape(len(crops.focal_px), DIMENSIONS))
     return TemplateIndex(descriptors.float(), crops.Ts_crop_part, crops.focal_px, part.symmetries)
 
 
 def _index_path(part: Part, config: TemplateConfig, turns: int) -> Path:
     key = cache_key(_VERSION, template_path(part, config).name, turns, torch.__version__)
     return cache_dir() / "retrieval" / f"{part.name}-{key}.zip"
-
-
-def _write(path: Path, descriptors: Tensor) -> None:
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w") as file:
-        file.writestr("descriptors", descriptors.numpy().astype("<f2").tobytes())
-    atomic_write_bytes(path, buffer.getvalue())
-
-
-def _read(path: Path, templates: int) -> Tensor | None:
-    """Return what the file holds, None if there is no sound file; its checksum is compared."""
-    try:
-        with zipfile.ZipFile(path) as file:
-            content = np.frombuffer(file.read("descriptors"), "<f2").reshape(templates, DIMENSIONS)
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
-        return None
-    return torch.tensor(content)
 
 
 def _closest_rotations(M: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 3 3"]:

@@ -11,7 +11,7 @@ from jaxtyping import Float
 import simpick.assets
 from simpick.assets.grippers import get_gripper
 from simpick.assets.part import Part
-from simpick.caching import atomic_path, cache_dir, cache_key, read_npz
+from simpick.caching import cache_dir, cache_key, stored_arrays, write_arrays
 from simpick.geometry.transforms import matrix_from_quaternion, quaternion_from_matrix, transform
 from simpick.records import Grasp
 
@@ -68,14 +68,13 @@ def save_grasps(path: Path, part: Part, gripper: str, grasps: list[Grasp]) -> No
         "width_m": np.array([g.width_m for g in grasps], np.float32),
         "quality": np.array([g.quality for g in grasps], np.float32),
     }
-    with atomic_path(path) as temporary:
-        np.savez_compressed(temporary, **content)
+    write_arrays(path, content)
 
 
 def load_file(path: Path, part: Part, gripper: str) -> list[Grasp] | None:
     """Return a file's grasps, or None if it is missing, damaged, of another recipe or of another shape."""
-    file = read_npz(path)
-    if file is None or not file.keys() >= _FIELDS or str(file["recipe"]) != recipe(gripper):
+    file = stored_arrays(path, _FIELDS)
+    if file is None or str(file["recipe"]) != recipe(gripper):
         return None
     signature = shape_signature(part)
     if not (np.abs(file["signature"] - signature) < 1e-3 * np.abs(signature) + 0.01).all():

@@ -7,9 +7,6 @@ camera sees is kept on disk, so that an estimator's run costs no more than estim
 from __future__ import annotations
 
 import hashlib
-import io
-import zipfile
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -18,8 +15,8 @@ import mujoco
 import numpy as np
 
 from simpick.assets.library import get_part
-from simpick.caching import atomic_write_bytes, cache_dir, cache_key
-from simpick.errors import ConfigError, UnknownPartError
+from simpick.caching import cache_dir, cache_key, cached_arrays
+from simpick.errors import ConfigError
 from simpick.geometry import Pinhole
 from simpick.pose_eval.bin_images import BinView, view_bin
 from simpick.pose_eval.pose_images import PoseTruth
@@ -115,17 +112,12 @@ def load_view(bin: BenchmarkBin) -> BinView:
 
     Any number of processes may ask at once; a damaged file is made again.
     """
-    path = view_path(bin)
-    cached = _read(path, bin.seed)
-    if cached is not None:
-        return cached
-    view, _ = view_bin(bin.config, bin.seed)
-    _write(path, view)
-    return view
+    arrays = cached_arrays(view_path(bin), _ARRAYS, lambda: _arrays(view_bin(bin.config, bin.seed)[0]))
+    return _view(bin.seed, arrays)
 
 
 def view_path(bin: BenchmarkBin) -> Path:
-    """Return where a bin's view is kept; the name tells all that it was made from."""
+    """Return where a bin's view is kept; the name is a hash of all that it was made from."""
     key = cache_key(
         _VERSION,
         bin.seed,
@@ -154,7 +146,7 @@ def _config(parts: tuple[str, ...], count: int) -> SceneConfig:
     return SceneConfig(parts=parts, count=count, robot=None, randomization="default")
 
 
-def _write(path: Path, view: BinView) -> None:
+def _arrays(view: BinView) -> dict[str, np.ndarray]:
     frame, c = view.frame, view.frame.camera
     assert frame.depth_m is not None and frame.instances is not None
     values: tuple[np.ndarray, ...] = (
@@ -168,23 +160,14 @@ def _write(path: Path, view: BinView) -> None:
         np.array([truth.T_camera_part for truth in view.truths]).reshape(-1, 4, 4),
         np.array([truth.visible_fraction for truth in view.truths]),
     )
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, **dict(zip(_ARRAYS, values, strict=True)))
-    atomic_write_bytes(path, buffer.getvalue())
+    return dict(zip(_ARRAYS, values, strict=True))
 
 
-def _read(path: Path, seed: int) -> BinView | None:
-    """Return what the file holds, None if there is no sound file."""
-    try:
-        # Each member carries a checksum, which reading compares.
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
-            rgb, depth_m, instances, c, T_world_camera, names, numbers, Ts, fractions = (file[k] for k in _ARRAYS)
-        camera = Pinhole(int(c[0]), int(c[1]), *(float(value) for value in c[2:]))
-        parts = tuple(get_part(str(name)) for name in names)
-        truths = tuple(
-            PoseTruth(parts[n].name, T, float(f), int(n)) for n, T, f in zip(numbers, Ts, fractions, strict=True)
-        )
-    # An absent, truncated or foreign file fails as any of these, depending on where it breaks off.
-    except (OSError, ValueError, KeyError, IndexError, EOFError, zipfile.BadZipFile, zlib.error, UnknownPartError):
-        return None
+def _view(seed: int, arrays: dict[str, np.ndarray]) -> BinView:
+    rgb, depth_m, instances, c, T_world_camera, names, numbers, Ts, fractions = (arrays[name] for name in _ARRAYS)
+    camera = Pinhole(int(c[0]), int(c[1]), *(float(value) for value in c[2:]))
+    parts = tuple(get_part(str(name)) for name in names)
+    truths = tuple(
+        PoseTruth(parts[n].name, T, float(f), int(n)) for n, T, f in zip(numbers, Ts, fractions, strict=True)
+    )
     return BinView(seed, CameraFrame(rgb, camera, T_world_camera, depth_m, instances.astype(np.int32)), parts, truths)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import zipfile
-import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,7 +15,7 @@ from annotated_types import Interval
 from jaxtyping import Bool, Float, Float32, Int, UInt8, UInt16
 
 from simpick.assets.part import Part
-from simpick.caching import atomic_write_bytes, cache_dir, cache_key
+from simpick.caching import cache_dir, cache_key, cached_arrays
 from simpick.config import Config
 from simpick.errors import ConfigError
 from simpick.geometry import Pinhole
@@ -110,13 +107,19 @@ def load_templates(
     many views are rendered, and not at all if they come from the cache.
     """
     config = config or TemplateConfig()
-    path = template_path(part, config)
-    cached = _read(path, part, config)
-    if cached is not None:
-        return cached
-    rendered = render_templates(part, config, progress=progress)
-    _write(path, rendered)
-    return rendered
+
+    def render() -> dict[str, np.ndarray]:
+        rendered = render_templates(part, config, progress=progress)
+        steps = steps_from_depth(rendered.depth_m, rendered.Ts_camera_part, rendered.camera)
+        return {"rgb": rendered.rgb, "depth": steps}
+
+    arrays = cached_arrays(template_path(part, config), ("rgb", "depth"), render)
+    camera, Ts_camera_part = config.camera(part), look_at_part(view_directions(config.views), config.distance_m(part))
+    shape = (config.views, config.size_px, config.size_px)
+    # Files of simpick 0.1 hold plain bytes.
+    steps = arrays["depth"].view("<u2").reshape(shape)
+    depth_m = depth_from_steps(steps, Ts_camera_part, camera)
+    return TemplateSet(part.name, camera, Ts_camera_part, arrays["rgb"].reshape(*shape, 3), depth_m)
 
 
 def render_templates(
@@ -138,32 +141,6 @@ def template_path(part: Part, config: TemplateConfig) -> Path:
     """Return where the templates of a part are kept."""
     key = cache_key(_VERSION, part.content_hash, repr(config), repr(PART_QUALITY), mujoco.__version__)
     return cache_dir() / "templates" / f"{part.name}-{key}.zip"
-
-
-def _write(path: Path, templates: TemplateSet) -> None:
-    """Write the images, compressed by the fastest setting: the next makes files a fifth smaller in thrice the time."""
-    steps = steps_from_depth(templates.depth_m, templates.Ts_camera_part, templates.camera)
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as file:
-        file.writestr("rgb", templates.rgb.tobytes())
-        file.writestr("depth", steps.astype("<u2").tobytes())
-    atomic_write_bytes(path, buffer.getvalue())
-
-
-def _read(path: Path, part: Part, config: TemplateConfig) -> TemplateSet | None:
-    """Return what the file holds, None if there is no sound file."""
-    shape = (config.views, config.size_px, config.size_px)
-    try:
-        # Each member carries a checksum, which reading compares.
-        with zipfile.ZipFile(path) as file:
-            rgb = np.frombuffer(file.read("rgb"), np.uint8).reshape(*shape, 3)
-            steps = np.frombuffer(file.read("depth"), "<u2").reshape(shape)
-    # An absent, truncated or foreign file fails as any of these, depending on where it breaks off.
-    except (OSError, ValueError, KeyError, EOFError, NotImplementedError, zipfile.BadZipFile, zlib.error):
-        return None
-    camera = config.camera(part)
-    Ts_camera_part = look_at_part(view_directions(config.views), config.distance_m(part))
-    return TemplateSet(part.name, camera, Ts_camera_part, rgb, depth_from_steps(steps, Ts_camera_part, camera))
 
 
 def steps_from_depth(

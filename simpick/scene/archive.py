@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from simpick.caching import read_arrays, write_arrays
 from simpick.config import from_json
 from simpick.errors import OutputError, SceneError
 from simpick.scene.config import SceneConfig
@@ -53,24 +52,20 @@ def write_archive(path: Path, archive: SceneArchive) -> None:
         "removed": archive.removed,
         "redropped": archive.redropped,
     }
-    try:
-        with path.open("wb") as file:
-            sleep: dict[str, Any] = {_SLEEP_PREFIX + name: value for name, value in archive.sleep.items()}
-            header_text = np.array(json.dumps(header))
-            np.savez_compressed(file, header=header_text, state=archive.state, adhesion_n=archive.adhesion_n, **sleep)
-    except OSError as error:
-        raise OutputError(f"cannot write the scene to {path}: {error.strerror}; choose a writable folder") from error
+    if not path.parent.is_dir():
+        raise OutputError(f"cannot write the scene to {path}: no such folder; choose a writable folder")
+    sleep = {_SLEEP_PREFIX + name: value for name, value in archive.sleep.items()}
+    arrays = {"header": np.array(json.dumps(header)), "state": archive.state, "adhesion_n": archive.adhesion_n}
+    write_arrays(path, arrays | sleep)
 
 
 def read_archive(path: Path) -> SceneArchive:
     """Read what `write_archive` wrote; raises SceneError where the file is missing, foreign or corrupt."""
     try:
-        with np.load(path, allow_pickle=False) as file:
-            header = json.loads(str(file["header"]))
-            if header["format"] != _FORMAT:
-                raise SceneError(f"{path} must have the format {_FORMAT}, got {header['format']}; build the scene anew")
-            state, adhesion_n = file["state"], file["adhesion_n"]
-            sleep = {name.removeprefix(_SLEEP_PREFIX): file[name] for name in file if name.startswith(_SLEEP_PREFIX)}
+        arrays = read_arrays(path)
+        header = json.loads(str(arrays["header"]))
+        if header["format"] != _FORMAT:
+            raise SceneError(f"{path} must have the format {_FORMAT}, got {header['format']}; build the scene again")
         return SceneArchive(
             mujoco_version=header["mujoco"],
             config=from_json(SceneConfig, header["config"], complete=True),
@@ -78,11 +73,15 @@ def read_archive(path: Path) -> SceneArchive:
             part_hashes=tuple(header["part_hashes"]),
             removed=tuple(header["removed"]),
             redropped=header["redropped"],
-            state=state,
-            sleep=sleep,
-            adhesion_n=adhesion_n,
+            state=arrays["state"],
+            sleep={
+                name.removeprefix(_SLEEP_PREFIX): value
+                for name, value in arrays.items()
+                if name.startswith(_SLEEP_PREFIX)
+            },
+            adhesion_n=arrays["adhesion_n"],
         )
     except FileNotFoundError as error:
         raise SceneError(f"no scene file at {path}; write one with Scene.save") from error
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, KeyError) as error:
         raise SceneError(f"{path} is not a scene file that simpick wrote: {error}") from error

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import zipfile
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Float16, Int, UInt8
 
-from simpick.caching import atomic_path
+from simpick.caching import read_arrays, write_arrays
 from simpick.errors import DatasetError
 from simpick.geometry import ContinuousSymmetry, Pinhole, SymmetryGroup
 from simpick.rendering import TemplateSet
@@ -82,23 +80,15 @@ class Shard:
             "template_rgb": templates.rgb,
             "template_depth_steps": steps,
         }
-        arrays = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
         header = {
             "format": _FORMAT,
             "version": _VERSION,
             "part": self.part,
             "diameter_m": self.diameter_m,
             "template_camera": [camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy],
-            # Little-endian, whatever the machine.
-            "arrays": {name: [array.dtype.newbyteorder("<").str, array.shape] for name, array in arrays.items()},
+            "arrays": {name: [array.dtype.str, array.shape] for name, array in arrays.items()},
         }
-        with (
-            atomic_path(path) as temporary,
-            zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as file,
-        ):
-            file.writestr(_HEADER, json.dumps(header))
-            for name, array in arrays.items():
-                file.writestr(name, array.astype(array.dtype.newbyteorder("<"), copy=False).tobytes())
+        write_arrays(path, {_HEADER: np.frombuffer(json.dumps(header).encode(), np.uint8)} | arrays)
 
     @staticmethod
     def load(path: Path) -> Shard:
@@ -108,19 +98,17 @@ class Shard:
             DatasetError: the file is missing, damaged, no shard, or of another version.
         """
         try:
-            # Each member carries a checksum, which reading compares.
-            with zipfile.ZipFile(path) as file:
-                header = _read_header(path, file)
-                arrays = {
-                    name: np.frombuffer(file.read(name), np.dtype(kind)).reshape(shape)
-                    for name, (kind, shape) in header["arrays"].items()
-                }
+            members = read_arrays(path)
+            header = _read_header(path, members[_HEADER].tobytes())
+            # Files of simpick 0.1 hold plain bytes.
+            arrays = {
+                name: members[name].view(np.dtype(kind)).reshape(shape)
+                for name, (kind, shape) in header["arrays"].items()
+            }
             return _from_arrays(header, arrays)
         except FileNotFoundError as error:
             raise DatasetError(f"there is no shard {path}; make it with `make_shard`") from error
-        # A truncated, damaged or foreign file fails as any of these, depending on where it breaks off.
-        except (OSError, ValueError, KeyError, TypeError, EOFError, NotImplementedError, RuntimeError,
-                zipfile.BadZipFile, zlib.error) as error:  # fmt: skip
+        except (ValueError, KeyError, TypeError) as error:
             if isinstance(error, DatasetError):
                 raise
             raise DatasetError(f"{path} must be a whole shard, is damaged or foreign ({error}); delete it") from error
@@ -139,14 +127,14 @@ _QUERY_ARRAYS = (
 )
 
 
-def _read_header(path: Path, file: zipfile.ZipFile) -> dict[str, Any]:
-    header = json.loads(file.read(_HEADER))
+def _read_header(path: Path, content: bytes) -> dict[str, Any]:
+    header = json.loads(content)
     if not isinstance(header, dict) or header.get("format") != _FORMAT:
         raise DatasetError(f"{path} must be a shard of training data, is something else")
     if header.get("version") != _VERSION:
         raise DatasetError(
             f"{path} must be a shard of version {_VERSION}, got {header.get('version')}: another version of simpick"
-            " wrote it; delete it, and it is made anew"
+            " wrote it; delete it, and it is made again"
         )
     return header
 

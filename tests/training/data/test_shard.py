@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from simpick.caching import read_arrays
 from simpick.errors import DatasetError
 from simpick.geometry import ContinuousSymmetry, SymmetryGroup
 from simpick.training.data.shard import Shard
@@ -36,6 +37,15 @@ def test_symmetries_come_back(tiny_shard: Shard, tmp_path: Path) -> None:
     group = SymmetryGroup(SymmetryGroup.cyclic(3).discrete, (ContinuousSymmetry((0.0, 0.6, 0.8), (0.01, -0.02, 0.03)),))
     replace(tiny_shard, symmetries=group).save(tmp_path / "a.shard")
     assert_equal(Shard.load(tmp_path / "a.shard"), replace(tiny_shard, symmetries=group))
+
+
+def test_a_shard_of_plain_bytes_as_simpick_0_1_wrote_it_is_read(tiny_shard: Shard, tmp_path: Path) -> None:
+    tiny_shard.save(tmp_path / "a.shard")
+    arrays = read_arrays(tmp_path / "a.shard")
+    with zipfile.ZipFile(tmp_path / "old.shard", "w") as file:
+        for name, array in arrays.items():
+            file.writestr(name, array.tobytes())
+    assert_equal(Shard.load(tmp_path / "old.shard"), tiny_shard)
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
