@@ -8,21 +8,31 @@ from pathlib import Path
 
 import pytest
 
+import simpick
+
 ROOT = Path(__file__).parents[2]
+
+
+def copied_sources(folder: Path) -> Path:
+    """Return a copy, so that neither leftovers of other builds nor other test processes come into a wheel."""
+    for name in git_files("--cached", "--others", "--exclude-standard"):
+        if (ROOT / name).exists():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, folder / name, follow_symlinks=False)
+    return folder
+
+
+def build(sources: Path, out: Path) -> subprocess.CompletedProcess[str]:
+    options = ["--quiet", "--no-deps", "--no-build-isolation", "-w", str(out)]
+    command = [sys.executable, "-m", "pip", "wheel", *options, "."]
+    return subprocess.run(command, cwd=sources, capture_output=True, text=True)
 
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("wheel")
-    options = ["--quiet", "--no-deps", "--no-build-isolation", "-w", str(out)]
-    command = [sys.executable, "-m", "pip", "wheel", *options, "."]
-    # Built from a copy, so that neither leftovers of other builds nor other test processes come into it.
-    sources = tmp_path_factory.mktemp("sources")
-    for name in git_files("--cached", "--others", "--exclude-standard"):
-        if (ROOT / name).exists():
-            (sources / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(ROOT / name, sources / name, follow_symlinks=False)
-    subprocess.run(command, cwd=sources, check=True, capture_output=True)
+    built = build(copied_sources(tmp_path_factory.mktemp("sources")), out)
+    assert built.returncode == 0, built.stderr
     return next(out.glob("*.whl"))
 
 
@@ -43,6 +53,8 @@ def test_wheel_holds_all_sources_and_nothing_generic(wheel: Path) -> None:
         elif top == "simpick":
             expected.add(name)
     assert not expected - set(names)
+    stubs = {name.replace(".pyi", ".py") for name in names if name.endswith(".pyi")}
+    assert {f"simpick/{room}__init__.py" for room in ("", "assets/", "estimators/", "policies/")} <= stubs <= set(names)
     assert sum(name.startswith("simpick/assets/grasps/") and name.endswith(".npz") for name in names) >= 56
     assert "simpick/estimators/refiner/confidence.json" in names
 
@@ -60,3 +72,23 @@ def test_every_module_imports_from_the_wheel(wheel: Path, tmp_path: Path) -> Non
     run = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=env, capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
     assert int(run.stdout) > 30
+
+
+def test_the_version_is_the_same_everywhere(wheel: Path) -> None:
+    assert wheel.name.startswith(f"simpick-{simpick.__version__}-")
+    assert f"\nversion: {simpick.__version__}\n" in (ROOT / "CITATION.cff").read_text()
+    assert f"\n## {simpick.__version__}" in (ROOT / "CHANGELOG.md").read_text()
+
+
+def test_a_checkout_without_links_is_not_built(tmp_path: Path) -> None:
+    sources = copied_sources(tmp_path / "sources")
+    for name in ("assets", "estimators"):
+        # As Git writes them where links cannot be made.
+        (sources / "simpick" / name).unlink()
+        (sources / "simpick" / name).write_text(f"../{name}")
+    built = build(sources, tmp_path / "out")
+    assert built.returncode != 0
+    text = " ".join(built.stderr.split())
+    assert "simpick/assets, simpick/estimators must be symbolic links to ../assets, ../estimators" in text
+    assert "git clone -c core.symlinks=true" in text
+    assert not list((tmp_path / "out").glob("*.whl"))
