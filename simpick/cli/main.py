@@ -1,12 +1,13 @@
 """``simpick``: one command line, one file per command.
 
 A command is a frozen dataclass whose fields are its options, read by tyro, and whose method `run` does the work and
-returns the exit code. `COMMANDS` lists them. Only the chosen command's module is imported, and it imports what is
-heavy when it runs, so that ``simpick --help`` answers at once.
+returns the exit code. `COMMANDS` lists them. Only the chosen command's module is imported, so that ``simpick --help``
+answers at once.
 """
 
 from __future__ import annotations
 
+import ast
 import contextlib
 import io
 import itertools
@@ -17,6 +18,7 @@ import sys
 import textwrap
 from collections.abc import Mapping, Sequence
 from importlib import import_module
+from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from simpick import __version__
@@ -52,6 +54,13 @@ FORMER_OPTIONS = {
     "evaluate": {"--scenes": "--bins", "--noise": "--detections"},
     "pose-benchmark": {"--noise": "--detections"},
     "parts add": {"--replace": "--overwrite"},
+    "train": {
+        **{f"--{name}": f"--training.{name}" for name in ("batch", "parts", "templates", "learning-rate", "schedule")},
+        **{f"--validation-{name}": f"--training.validation-{name}" for name in ("shards", "queries")},
+        **{f"--no-{name}": f"--network.no-{name}" for name in ("relative-pose", "multiview", "template-pose")},
+        **{f"--no-{name}": f"--network.no-{name}" for name in ("matching", "flow")},
+        **{f"--{name}": f"--network.{name}" for name in ("template-views", "spread-deg", "spread-m")},
+    },
 }
 """Former names of commands and of their options, which still work in version 0.2."""
 
@@ -123,10 +132,18 @@ def _overview(group: str) -> str:
     """Return one line per command, of all commands or of those of a group."""
     names = [name for name in COMMANDS if not group or name.split()[0] == group]
     width = max(map(len, names))
-    lines = [f"  {name:{width}}  {(_load(name).__doc__ or '').splitlines()[0]}" for name in names]
+    lines = [f"  {name:{width}}  {_summary(name)}" for name in names]
     usage = f"usage: simpick {group} COMMAND [OPTIONS]".replace("  ", " ")
     more = "simpick COMMAND --help shows the options of a command, simpick --version the version."
     return "\n".join([usage, "", *textwrap.wrap(DESCRIPTION, 80), "", *lines, "", *textwrap.wrap(more, 80)])
+
+
+def _summary(name: str) -> str:
+    """Return the first line of a command's docstring, read without importing the command."""
+    module, _, cls = COMMANDS[name].partition(":")
+    source = ast.parse(Path(__file__).with_name(f"{module}.py").read_text())
+    (node,) = (node for node in source.body if isinstance(node, ast.ClassDef) and node.name == cls)
+    return (ast.get_docstring(node) or "").splitlines()[0]
 
 
 def _load(name: str) -> type[Command]:
@@ -143,11 +160,15 @@ def _parse(name: str, arguments: Sequence[str]) -> Command:
     import tyro
 
     shown, complaint = _Captured(), io.StringIO()
-    # One flag per switch, such as --record (no --no-record, because False is the default), and no --config.out.
-    style = (tyro.conf.FlagCreatePairsOff, tyro.conf.OmitArgPrefixes)
+    command = _load(name)
+    # A command with `defaults` has options that set the defaults of others, such as the size of a network.
+    defaults = getattr(command, "defaults", None)
+    default = defaults(arguments) if defaults else tyro.MISSING_NONPROP
+    # One flag per switch, such as --record: no --no-record, because False is the default.
+    style = (tyro.conf.FlagCreatePairsOff,)
     try:
         with contextlib.redirect_stdout(shown), contextlib.redirect_stderr(complaint):
-            return tyro.cli(_load(name), prog=f"simpick {name}", args=arguments, config=style)
+            return tyro.cli(command, default=default, prog=f"simpick {name}", args=arguments, config=style)
     except SystemExit as ending:
         rejected: BaseException | None = ending
         while rejected is not None and not isinstance(rejected, SimpickError):

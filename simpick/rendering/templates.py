@@ -32,14 +32,13 @@ class TemplateConfig(Config):
     """Which views of a part are rendered."""
 
     views: int = 162
-    """Directions on the view sphere: 12, 42, 162, 642 or 2562 (at most 37, 21, 11, 5.4 or 2.7 degrees from any
-    direction to the nearest)."""
+    """Directions on the view sphere: 12, 42, 162, 642 or 2562 (162: at most 11 degrees to the nearest view)."""
     size_px: Annotated[int, Interval(ge=16, le=1024)] = 128
     """Width and height of each image."""
     distance_diameters: Annotated[float, Interval(ge=1, le=1000)] = 10.0
-    """Distance of the camera in diameters of the part: how strong the perspective is."""
+    """Distance of the camera in diameters of the part, which sets the perspective."""
     fill: Annotated[float, Interval(ge=0.1, le=1)] = 0.95
-    """Share of the image's width that the part's bounding sphere spans, so that no view is cut off."""
+    """Share of the image's width that the part's bounding sphere spans."""
 
     def _check_rules(self) -> None:
         if self.views not in VIEW_COUNTS:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from annotated_types import Interval
 
 from simpick.config import Config, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt, from_json, read_json
 from simpick.errors import ConfigError
-from simpick.estimators.raypose.diffusion.schedule import SCHEDULES
-from simpick.estimators.raypose.network.losses import LossWeights
+from simpick.estimators.raypose.network.loss_weights import LossWeights
 from simpick.training.data.augmentation import AugmentationConfig
 from simpick.training.data.data_config import DataConfig
 
@@ -23,56 +22,53 @@ class TrainConfig(Config):
     """How a network is trained."""
 
     seed: NonNegativeInt = 0
-    """Of weights, noise and the order of the data; the data itself has its own."""
+    """Seed of weights, noise and the order of the data; the data has its own."""
     batch: PositiveInt = 32
-    """Queries a step, on each process."""
+    """Queries per step, on each process."""
     parts: PositiveInt = 4
-    """Parts that they are of: queries of one part share nothing but their shard, which is read once."""
+    """Parts that the queries of a step are of; divides the batch."""
     templates: PositiveInt = 4
-    """Templates a query in training; the network may be given more at run time."""
+    """Templates per query in training; at run time the network takes its own number."""
     repeats_per_query: PositiveFloat = 3.0
-    """How often a query is seen on average, each time turned, framed and hidden differently, with other templates."""
+    """How often a query is used on average, each time augmented differently and with other templates."""
     min_ready_shards: PositiveInt = 8
-    """Training starts when so many shards are ready; the window grows from there."""
+    """Training starts when this many shards are ready."""
     window: PositiveInt = 64
-    """Shards that are drawn from at a time; also the most that are in memory."""
+    """Shards that batches are drawn from at a time, and the most in memory."""
     matching_share: _BelowOne = 0.5
-    """Share of the run, at its beginning, in which only matching and the pose solved from it are trained. The decoder
-    corrects that pose, and has little to learn before it is good; without it, a step costs half."""
+    """Share of the run, at its start, that trains only the matching, which the decoder depends on."""
     learning_rate: PositiveFloat = 1e-3
-    """Of AdamW, after the warm-up and before it falls."""
+    """Learning rate of AdamW between warm-up and decay."""
     warmup_steps: NonNegativeInt = 200
     """Steps over which the learning rate rises from zero."""
     decay_fraction: _BelowOne = 0.35
     """Share of the run, at its end, over which the learning rate falls to a hundredth."""
     weight_decay: NonNegativeFloat = 0.01
-    """Of AdamW."""
+    """Weight decay of AdamW."""
     max_grad_norm: PositiveFloat = 1.0
-    """Largest norm of the gradient."""
+    """Gradients are clipped to this norm."""
     ema_decay: _BelowOne = 0.998
-    """Of the moving average of the weights, which is what is validated and kept."""
-    schedule: str = "log_snr"
-    """Noise schedule: log_snr, cosine or linear."""
+    """Decay of the moving average of the weights, which is validated and saved."""
+    schedule: Literal["log_snr", "cosine", "linear"] = "log_snr"
+    """Noise schedule."""
     losses: LossWeights = field(default_factory=LossWeights)
-    """Weights of the loss's terms."""
+    """Weights of the terms of the loss."""
     augmentation: AugmentationConfig = field(default_factory=AugmentationConfig)
-    """How queries are changed."""
+    """How queries are augmented."""
     data: DataConfig = field(default_factory=DataConfig)
-    """What they are drawn from."""
+    """How training data are made."""
     validation_shards: PositiveInt = 10
-    """Held-out parts, never trained on."""
+    """Held-out parts to validate on."""
     validation_queries: PositiveInt = 8
-    """Queries of each."""
+    """Queries per held-out part."""
     validation_steps: PositiveInt = 3
-    """Denoising steps of the sampled poses."""
+    """Denoising steps in validation."""
 
     def _check_rules(self) -> None:
         if self.batch % self.parts:
             raise ConfigError(f"parts must divide batch, got parts={self.parts}, batch={self.batch}")
         if self.window < self.parts:
             raise ConfigError(f"window must hold as many shards as parts={self.parts}, got {self.window}")
-        if self.schedule not in SCHEDULES:
-            raise ConfigError(f"schedule must be one of {', '.join(SCHEDULES)}, got {self.schedule!r}")
 
     def learning_rate_at(self, step: int, progress: float) -> float:
         """Return the learning rate of a step; `progress` is the share of the run that is done, in [0, 1]."""

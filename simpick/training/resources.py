@@ -4,24 +4,28 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
 
 from simpick.config import Config, NonNegativeFloat, NonNegativeInt
 
 
 @dataclass(frozen=True)
 class Resources(Config):
-    """What a run uses of its machine; changes nothing of the result but rounding."""
+    """What a run uses of its machine; results do not depend on it, except for rounding."""
 
-    device: str = "auto"
-    """Where the network runs: cuda, cpu, or auto for the first that is there."""
+    device: Literal["auto", "cuda", "cpu"] = "auto"
+    """Where the network runs: cuda, cpu, or auto for CUDA where there is a GPU."""
     renderers: NonNegativeInt = 1
-    """Distributed that make data; 0 makes it in between, in this process."""
+    """Processes that render data; 0 renders in the training process."""
     loaders: NonNegativeInt = 1
-    """Threads that put batches together."""
+    """Threads that assemble batches."""
     threads: NonNegativeInt = 0
-    """Threads of torch on the CPU; 0 leaves its default."""
+    """Threads of torch on the CPU; 0 leaves torch's default."""
     validate_every_s: NonNegativeFloat = 300.0
-    """Seconds between validations, each of which also saves the run's state."""
-    shards: Path | None = None
-    """Folder in which data is kept for other runs on the same data; without it, data lies in the run's own folder and
-    is deleted when it was used."""
+    """Seconds between validations, each of which also saves the state to resume from."""
+    shards: Annotated[
+        Path | None, tyro.conf.arg(metavar="PATH", help_behavior_hint="(default: in the run's folder)")
+    ] = None
+    """Folder to keep data in, for other runs on the same data; the run's own is emptied as data are used."""

@@ -7,7 +7,10 @@ from pathlib import Path
 import cv2
 import pytest
 
+from simpick.cli.ablate import Ablate
 from simpick.cli.main import main
+from simpick.cli.train import Train
+from simpick.estimators.raypose.network.config import PRESETS
 from tests.training.conftest import TINY_TRAINING
 
 pytestmark = pytest.mark.render
@@ -24,7 +27,7 @@ def options(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
 
 def test_training_leaves_weights_and_curves_and_goes_on(options: list[str], tmp_path: Path, capsys) -> None:
     out = ["--out", str(tmp_path / "run")]
-    assert main(["train", "coarse", *options, *out, "--no-multiview", "--batch", "2"]) == 0
+    assert main(["train", "coarse", *options, *out, "--network.no-multiview", "--training.batch", "2"]) == 0
     assert {"weights.safetensors", "curves.png", "scaling.png", "curves.rrd"} <= {
         file.name for file in (tmp_path / "run").iterdir()
     }
@@ -40,14 +43,24 @@ def test_training_leaves_weights_and_curves_and_goes_on(options: list[str], tmp_
 
 def test_training_refuses_what_contradicts_itself(options: list[str], tmp_path: Path, capsys) -> None:
     out = ["--out", str(tmp_path / "run")]
-    assert main(["train", "coarse", *options, *out, "--spread-deg", "20"]) == 2
-    assert "templates are spread over the whole sphere" in capsys.readouterr().err
+    assert main(["train", "coarse", *options, *out, "--network.spread-deg", "20"]) == 2
+    assert "network.spread_deg must be below 180 for fine and 180 for coarse" in capsys.readouterr().err
     assert main(["train", "fine", "--size", "tiny", *out]) == 2
     assert "give minutes or steps" in capsys.readouterr().err
     (tmp_path / "bad.json").write_text('{"data": {"quries": 3}}')
     assert main(["train", "fine", "--steps", "1", *out, "--config", str(tmp_path / "bad.json")]) == 2
     assert "bad.json: data.quries is unknown, did you mean 'queries'?" in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
+
+
+def test_options_set_the_defaults_of_others(tmp_path: Path) -> None:
+    file = tmp_path / "settings.json"
+    file.write_text('{"batch": 16, "parts": 2, "data": {"seed": 3}}')
+    options = Train.defaults(["coarse", "--size=tiny", "--config", str(file), "--seed", "5"])
+    assert (options.network.width, options.network.spread_deg) == (PRESETS["tiny"].width, 180.0)
+    assert (options.training.batch, options.training.seed, options.training.data.seed) == (16, 5, 5)
+    assert Train.defaults(["fine", "--config", str(file)]).training.data.seed == 3
+    assert Train.defaults([]).network == PRESETS["small"] and Ablate.defaults([]).network == PRESETS["tiny"]
 
 
 def test_ablations_fill_both_tables_and_go_on(options: list[str], tmp_path: Path) -> None:

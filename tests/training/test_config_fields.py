@@ -11,7 +11,7 @@ import simpick
 import simpick.estimators
 from simpick.estimators.raypose.estimator import RayPoseEstimatorConfig
 from simpick.estimators.raypose.network.config import RayPoseConfig
-from simpick.estimators.raypose.network.losses import LossWeights
+from simpick.estimators.raypose.network.loss_weights import LossWeights
 from simpick.estimators.refiner.config import AlignmentLevel, RefinerConfig
 from simpick.training.config import TrainConfig
 from simpick.training.data.augmentation import AugmentationConfig

@@ -11,8 +11,9 @@ import torch
 
 from simpick.errors import ConfigError, OutputError, SimpickError
 from simpick.estimators.raypose.checkpoints import load_checkpoint
+from simpick.estimators.raypose.diffusion.schedule import SCHEDULES
 from simpick.estimators.raypose.network.config import preset
-from simpick.estimators.raypose.network.losses import LossWeights
+from simpick.estimators.raypose.network.loss_weights import LossWeights
 from simpick.training import trainer
 from simpick.training.config import TrainConfig, read_train_config
 from simpick.training.resources import Resources
@@ -194,7 +195,6 @@ def test_the_learning_rate_rises_stays_and_falls() -> None:
         ({"learning_rate": float("nan")}, "learning_rate must be a finite number, got nan"),
         ({"ema_decay": 1.0}, "ema_decay must be at least 0 and below 1, got 1.0"),
         ({"warmup_steps": -1}, "warmup_steps must be at least 0, got -1"),
-        ({"schedule": "quadratic"}, "schedule must be one of log_snr, cosine, linear, got 'quadratic'"),
     ],
 )
 def test_settings_out_of_range_are_refused(change: dict, message: str) -> None:
@@ -203,9 +203,14 @@ def test_settings_out_of_range_are_refused(change: dict, message: str) -> None:
     assert message in str(caught.value)
 
 
+def test_every_noise_schedule_can_be_trained_with() -> None:
+    assert [TrainConfig(schedule=name).schedule for name in SCHEDULES] == list(SCHEDULES)
+
+
 @pytest.mark.parametrize(
     ("values", "message"),
     [
+        ({"schedule": "quadratic"}, "schedule must be one of 'log_snr', 'cosine', 'linear', got 'quadratic'"),
         ({"window": 64.5}, "window must be an integer, got 64.5"),
         ({"max_grad_norm": True}, "max_grad_norm must be a finite number, got True"),
         ({"data": {"templates": {"size_px": 8}}}, "data.templates.size_px must be between 16 and 1024, got 8"),

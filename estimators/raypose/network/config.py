@@ -20,53 +20,51 @@ class RayPoseConfig(Config):
     """Everything that the network's shape and meaning depend on; stored whole in every checkpoint."""
 
     image_encoder: Literal["simpick", "dinov2_vits14", "dinov2_vitb14", "dinov2_vitl14"] = "simpick"
-    """Who turns crops into feature maps (E_I of the paper)."""
+    """Encoder of crops (E_I of the paper)."""
     crop_px: PositiveInt = 96
-    """Side of the virtual-camera crops that the network sees."""
+    """Side of the virtual-camera crops that the network sees, in pixels."""
     padding: Annotated[float, Interval(ge=1, le=3)] = 1.2
-    """Side of a crop over the longer side of its detection's box."""
+    """Side of a crop over the longer side of the detection's box."""
     local_cells: PositiveInt = 12
     """Side of the image encoder's feature map, on which query and templates are matched."""
     map_cells: PositiveInt = 6
-    """Side p of the pose maps and of the token grid; divides `local_cells`."""
+    """Side p of the pose maps and of the token grid; divides local_cells."""
     local_width: PositiveInt = 96
     """Channels of the image encoder's feature map."""
     match_width: PositiveInt = 64
     """Channels of the descriptors that are matched."""
     width: PositiveInt = 160
-    """Channels of tokens in fuser and decoder."""
+    """Channels of the tokens in fuser and decoder."""
     heads: PositiveInt = 5
     """Attention heads of fuser and decoder."""
     fuser_blocks: NonNegativeInt = 1
-    """Self-attention blocks over all templates' tokens (N_F of the paper)."""
+    """Self-attention blocks over the tokens of all templates (N_F of the paper)."""
     decoder_blocks: NonNegativeInt = 3
     """DiT blocks of the decoder (N_D of the paper)."""
     fourier_bands: NonNegativeInt = 4
-    """Frequencies of each Fourier encoding of the view encoder: 1, 2, 4, ... turns over [-1, 1]."""
+    """Frequencies of each Fourier encoding of the view encoder: 1, 2, 4, ... periods over [-1, 1]."""
     templates: PositiveInt = 8
     """Templates that a pose is estimated from."""
     matching: bool = True
-    """Give the decoder, for each query cell, the template geometry that its descriptor matches. Not in the paper: what
-    makes the network learn from few samples."""
+    """Give the decoder the template geometry that each query cell's descriptor matches. Not in the paper."""
     flow: bool = True
-    """Correct the matched pose by the flow between the nearest templates and the query, on cells half as wide (see
-    `flow.py`). Not in the paper either; needs `matching` and simpick's own image encoder."""
+    """Correct the matched pose by the flow from the nearest templates to the query. Not in the paper."""
     flow_width: PositiveInt = 32
-    """Channels of the descriptors of these cells."""
+    """Channels of the descriptors of the flow's cells, which are half as wide."""
     flow_radius: PositiveInt = 2
-    """How many such cells from where a template's cell should appear it is looked for."""
+    """Radius, in these cells, in which flow searches for each template cell."""
     relative_pose: bool = True
-    """Predict the pose relative to each template (the paper) instead of the absolute pose: ablation (4)."""
+    """Predict the pose relative to each template, as the paper; off: the absolute pose (ablation 4)."""
     multiview: bool = True
-    """Let templates see one another, and the query all of them, instead of one template each: ablation (5)."""
+    """Let templates attend to each other and the query to all of them; off: one template each (ablation 5)."""
     template_pose: bool = True
-    """Tell the network the templates' poses and geometry instead of only their boxes: ablation (6)."""
+    """Input the templates' poses and geometry; off: only their boxes (ablation 6)."""
     template_views: Literal["random", "fixed"] = "random"
-    """Which templates a coarse predictor is trained with: drawn anew for every query, or always the same."""
+    """Templates that a coarse predictor is trained with: drawn for each query, or always the same."""
     spread_deg: Annotated[float, Interval(gt=0, le=180)] = 30.0
-    """A fine predictor's templates lie within this angle of the pose that they are drawn around; 180 for coarse."""
+    """Largest angle between a fine predictor's templates and the pose that they are drawn around; coarse: 180."""
     spread_m: Annotated[float, Interval(ge=0, le=0.5)] = 0.05
-    """A fine predictor's templates are as far from there as this at most; shifts and scales their crops."""
+    """Largest distance of a fine predictor's templates from that pose; it shifts and scales their crops."""
 
     def _check_rules(self) -> None:
         if self.local_cells % self.map_cells:

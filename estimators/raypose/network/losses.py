@@ -2,34 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn import functional as F
 
-from simpick.config import Config, NonNegativeFloat
+from simpick.estimators.raypose.network.loss_weights import LossWeights
 from simpick.estimators.raypose.network.pose_maps import ViewPoses, canonical_rays, decode_centre
 
 Maps = Float[Tensor, "*batch p p channels"]
-
-
-@dataclass(frozen=True)
-class LossWeights(Config):
-    """Weight of each term; the paper does not state its own."""
-
-    ray_reconstruction: NonNegativeFloat = 1.0
-    ray_cosine: NonNegativeFloat = 0.5
-    ray_consistency: NonNegativeFloat = 0.1
-    translation_reconstruction: NonNegativeFloat = 2.0
-    translation_xyz: NonNegativeFloat = 0.5
-    matching: NonNegativeFloat = 0.3
-    matched_points: NonNegativeFloat = 3.0
-    first: NonNegativeFloat = 1.0
-    flow_matching: NonNegativeFloat = 0.3
-    flow_offset: NonNegativeFloat = 0.3
-    flow_pose: NonNegativeFloat = 2.0
 
 
 def ray_reconstruction(predicted: Maps, target: Maps) -> Float[Tensor, ""]:

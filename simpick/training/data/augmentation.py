@@ -18,13 +18,13 @@ class AugmentationConfig(Config):
     """How strongly queries are changed."""
 
     turn: bool = True
-    """Turn every query about the optical axis, by any angle."""
+    """Rotate each query about the optical axis by a random angle."""
     box_jitter: Annotated[float, Interval(ge=0, lt=1)] = 0.03
     """Standard deviation of a box's shift and relative size, as a share of its longer side."""
     ragged_share: Fraction = 0.4
-    """Share of masks that are grown or shrunk by a pixel or two."""
+    """Share of masks that are grown or shrunk by one or two pixels."""
     hidden_share: Fraction = 0.25
-    """Share of queries of which a straight cut hides some more."""
+    """Share of queries of which a straight cut hides a further part."""
     brightness: Annotated[float, Interval(ge=0, lt=1)] = 0.25
     """Largest relative change of brightness and contrast."""
 

@@ -30,43 +30,43 @@ class DataConfig(Config):
     """Ranges and sizes of the training data. Together with a split and an index it determines a shard."""
 
     seed: NonNegativeInt = 0
-    """Another seed gives other parts, bins and views."""
+    """Seed of parts, bins and views."""
     queries: PositiveInt = 128
-    """Queries of a shard at most; a shard has fewer where its cameras do not see that many."""
+    """Most queries per shard; fewer where its cameras do not see as many."""
     cameras: PositiveInt = 16
-    """Views of a bin at most; as many are rendered as `queries` takes."""
+    """Most views per bin; as many are rendered as the queries need."""
     queries_per_camera: PositiveInt = 16
-    """Queries taken from one view at most, so that a shard shows its part in several lights."""
+    """Most queries from one view, so that a shard shows its part in several lights."""
     count: tuple[_Count, _Count] = (8, 40)
-    """Parts in the bin, fewest and most."""
+    """Fewest and most parts in a bin."""
     mixed_share: Fraction = 0.5
-    """Share of bins in which other random parts lie among the shard's own."""
+    """Share of bins in which other random parts lie between the shard's own."""
     target_share: tuple[_Share, _Share] = (0.4, 0.8)
-    """In a mixed bin, the share of instances that are of the shard's part."""
+    """Share of instances in a mixed bin that are of the shard's part, least and most."""
     others: tuple[_Others, _Others] = (1, 3)
-    """How many other parts a mixed bin holds."""
+    """Fewest and most other parts in a mixed bin."""
     bin_scale: tuple[_Scale, _Scale] = (0.65, 1.0)
-    """Factor on the length and width of the standard bin, each drawn by itself: in smaller bins parts heap up."""
+    """Factors on length and width of the standard bin; in smaller bins parts pile up."""
     tilt_deg: Annotated[float, Interval(ge=0, le=80)] = 35.0
-    """Greatest angle between the optical axis and the vertical."""
+    """Largest angle between the optical axis and the vertical."""
     distance_m: tuple[_Distance, _Distance] = (0.6, 1.2)
-    """From the camera to the point that it looks at."""
+    """Distance from the camera to the point that it looks at, least and most."""
     diameter_px: tuple[_Diameter, _Diameter] = (32.0, 180.0)
-    """The part's diameter in the rendered image, at that distance, drawn uniformly in its logarithm."""
+    """The part's diameter in the rendered image, least and most, drawn uniformly in its logarithm."""
     image_width_px: Annotated[int, Interval(ge=64, le=4096)] = 560
-    """Greatest width of a rendered image."""
+    """Largest width of a rendered image."""
     image_height_px: Annotated[int, Interval(ge=64, le=4096)] = 420
-    """Greatest height of a rendered image."""
+    """Largest height of a rendered image."""
     randomizations: Annotated[tuple[str, ...], MinLen(1)] = ("default", "strong")
-    """Presets of `RANDOMIZATIONS`; each view is lit and coloured by one of them, drawn with equal chances."""
+    """Presets of lights, colours and textures; each view draws one of them."""
     crop_px: Annotated[int, Interval(ge=16, le=1024)] = 160
-    """Side of a query's crop."""
+    """Side of the stored crop of a query."""
     crop_padding: Annotated[float, Interval(ge=1, le=4)] = 1.6
-    """Side of the crop over the longer side of the visible part's box: room to aim, turn and scale it anew."""
+    """Side of that crop over the longer side of the visible part's box; room for augmentation."""
     min_visible_fraction: Fraction = 0.25
-    """Instances of which less is visible are no queries."""
+    """Instances of which a smaller share is visible are not queries."""
     min_visible_px: PositiveInt = 80
-    """Instances of which fewer pixels are visible are no queries."""
+    """Instances with fewer visible pixels are not queries."""
     templates: TemplateConfig = field(default_factory=TemplateConfig)
     """Views of the part alone."""
 

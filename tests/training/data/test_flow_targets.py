@@ -9,7 +9,8 @@ import torch
 from simpick.estimators.raypose.diffusion.schedule import make_schedule
 from simpick.estimators.raypose.network.config import preset
 from simpick.estimators.raypose.network.flow import Flow
-from simpick.estimators.raypose.network.losses import LossWeights, weighted_sum
+from simpick.estimators.raypose.network.loss_weights import LossWeights
+from simpick.estimators.raypose.network.losses import weighted_sum
 from simpick.estimators.raypose.network.model import RayPose
 from simpick.estimators.raypose.network.pose_solver import SolvedPoses, project
 from simpick.training.data.augmentation import AugmentationConfig

@@ -8,7 +8,7 @@ import torch
 
 from simpick.errors import ConfigError
 from simpick.estimators.raypose.network import losses
-from simpick.estimators.raypose.network.losses import LossWeights
+from simpick.estimators.raypose.network.loss_weights import LossWeights
 from simpick.estimators.raypose.network.pose_maps import (
     canonical_rays,
     decode_pose_maps,
