@@ -89,8 +89,7 @@ class Evaluate(Config):
     def _run_dataset(self, root: Path) -> int:
         from simpick.bop import BopDataset, BopResult, read_detections, read_results, write_results
         from simpick.pose_eval import bop_evaluation
-        from simpick.pose_eval.pose_evaluation import PoseEvaluator
-        from simpick.pose_eval.pose_runs import score_images
+        from simpick.pose_eval.pose_evaluation import PoseEvaluator, score_images
         from simpick.pose_eval.pose_sources import FileSource, make_source
         from simpick.terminal import Console
 
@@ -122,7 +121,7 @@ class Evaluate(Config):
                 source,
                 evaluator,
                 total=len(keys),
-                on_image=lambda *answer: lines.extend(bop_evaluation.results_from_estimates(dataset, *answer)),
+                on_answer=lambda answer: lines.extend(bop_evaluation.results_from_answer(dataset, answer)),
                 console=console,
             )
         self._print(console, evaluation, f"{method} on {dataset.name}, {self.detections} detections")
@@ -135,9 +134,8 @@ class Evaluate(Config):
         from simpick.assets.library import get_part, library_part_names
         from simpick.bop import BopWriter, write_detections
         from simpick.pose_eval.bin_images import bin_images, export_bin
-        from simpick.pose_eval.pose_evaluation import PoseEvaluator
+        from simpick.pose_eval.pose_evaluation import PoseEvaluator, score_images
         from simpick.pose_eval.pose_images import PoseModel
-        from simpick.pose_eval.pose_runs import score_images
         from simpick.pose_eval.pose_sources import make_source
         from simpick.scene import SceneConfig
         from simpick.terminal import Console
@@ -177,10 +175,10 @@ class Evaluate(Config):
 
     @staticmethod
     def _print(console: Console, evaluation: PoseEvaluation, title: str) -> None:
-        from simpick.pose_eval.pose_runs import recall_table, summary_table
+        from simpick.pose_eval.tables import recall_table, visibility_table
 
         console.print(recall_table(evaluation, title))
-        console.print(summary_table(evaluation))
+        console.print(visibility_table(evaluation, "medians and recalls", total=True))
         console.print(
             f"{evaluation.images} images, {evaluation.detections} detections, "
             f"{evaluation.ms_per_detection:.1f} ms per detection"

@@ -87,7 +87,7 @@ class PoseBenchmark(Config):
             start = time.perf_counter()
             result = run_pose_benchmark(
                 estimator,
-                noises=self.detections,
+                detections=self.detections,
                 bins=self.bins,
                 hypotheses=self.hypotheses,
                 budget=budget,

@@ -107,7 +107,7 @@ class RefinerCalibrate(Config):
             f"--check-bins {self.check_bins}",
             "hypotheses_from": "retrieval",
             "fitted_on": {name: figures(own) for name, own in fitted_on.items()},
-            "checked_on_yardstick": {name: figures(own) for name, own in held_out.items()},
+            "checked_on_pose_benchmark": {name: figures(own) for name, own in held_out.items()},
         }
         write_confidence(confidence, provenance, self.out / "confidence.json")
         plot_reliability(held_out, confidence, self.out / "reliability.png")

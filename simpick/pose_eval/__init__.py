@@ -1,1 +1,1 @@
-"""Pose estimators measured on images: fixed bins, BOP data sets, tables."""
+"""Evaluation of pose estimators: the pose benchmark's fixed bins, new bins, BOP data sets, tables."""

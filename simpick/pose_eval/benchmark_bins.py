@@ -1,7 +1,7 @@
-"""The yardstick: 50 fixed bins of library parts, seen from above, by which every pose estimator is measured.
+"""The pose benchmark's bins: 50 fixed bins of library parts, seen from above, the same for every pose estimator.
 
-Bins and seeds are named here and do not change when the library grows. Each is simulated and rendered once; what the
-camera sees is kept on disk, so that an estimator's run costs no more than estimating and scoring.
+Bins and seeds are listed here and do not change when the library grows. Each bin is simulated and rendered once and its
+view is cached, so that later runs only estimate and score.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from simpick.scene.randomization import RANDOMIZATIONS
 MIXED_SEEDS = range(41_000, 41_030)
 """Bins in which each part is drawn from `MIXED_PARTS`."""
 MIXED_COUNTS = (12, 30, 50)
-"""How many parts they hold, in turn: of 12, nearly all lie bare; of 50, half are more or less hidden."""
+"""Numbers of parts, in turn: of 12, nearly all are unoccluded; of 50, half are partly or fully occluded."""
 HOMOGENEOUS_SEEDS = range(42_000, 42_020)
-"""Bins of one part each, in the order of `HOMOGENEOUS_PARTS`."""
+"""Bins of one kind of part each, in the order of `HOMOGENEOUS_PARTS`."""
 HOMOGENEOUS_COUNTS = (40, 12)
-"""How many parts they hold, in turn."""
+"""Numbers of parts, in turn."""
 HOMOGENEOUS_PARTS = (
     "pipe_tee",
     "hex_bolt",
@@ -70,7 +70,7 @@ MIXED_PARTS = tuple(
     )
 )
 
-# Raise when scenes or images of the same bins would differ by a change of code, which the key does not show.
+# Increase if a change of code alters scenes or images of the same bins, which the cache key cannot show.
 _VERSION = 1
 _ARRAYS = ("rgb", "depth_m", "instances", "camera", "T_world_camera", "names", "truths", "Ts_truth", "fractions")
 
@@ -82,16 +82,16 @@ class BenchmarkBin:
     kind: Literal["mixed", "homogeneous"]
     seed: int
     config: SceneConfig
-    """Without the arm: at home it stands out of the overhead camera's sight."""
+    """Without the arm: at its home pose it is outside the overhead camera's image."""
 
 
 def benchmark_bins(count: int | None = None) -> tuple[BenchmarkBin, ...]:
-    """Return the first `count` bins of the yardstick, or all.
+    """Return the first `count` bins of the pose benchmark, or all.
 
-    Every five bins hold three mixed ones, and each number of parts once, so that a beginning is much like the whole.
+    Each group of five holds three mixed bins and every number of parts, so that the first bins represent all.
 
     Raises:
-        ConfigError: there are not so many.
+        ConfigError: there are not so many bins.
     """
     mixed = [
         BenchmarkBin("mixed", seed, _config(MIXED_PARTS, MIXED_COUNTS[k % len(MIXED_COUNTS)]))
@@ -103,21 +103,21 @@ def benchmark_bins(count: int | None = None) -> tuple[BenchmarkBin, ...]:
     ]
     bins = [bin for k in range(10) for bin in (*mixed[3 * k : 3 * k + 3], *homogeneous[2 * k : 2 * k + 2])]
     if count is not None and not 1 <= count <= len(bins):
-        raise ConfigError(f"bins of the yardstick must be between 1 and {len(bins)}, got {count}")
+        raise ConfigError(f"bins of the pose benchmark must be between 1 and {len(bins)}, got {count}")
     return tuple(bins[:count])
 
 
 def load_view(bin: BenchmarkBin) -> BinView:
-    """Return what the overhead camera sees of a bin, from the cache, or simulate, render and keep it.
+    """Return the overhead camera's view of a bin from the cache, or simulate, render and cache it.
 
-    Any number of processes may ask at once; a damaged file is made again.
+    Several processes may call this at once; a damaged file is replaced.
     """
     arrays = cached_arrays(view_path(bin), _ARRAYS, lambda: _arrays(view_bin(bin.config, bin.seed)[0]))
     return _view(bin.seed, arrays)
 
 
 def view_path(bin: BenchmarkBin) -> Path:
-    """Return where a bin's view is kept; the name is a hash of all that it was made from."""
+    """Return the cache file of a bin's view; its name is a hash of everything that the view depends on."""
     key = cache_key(
         _VERSION,
         bin.seed,
@@ -130,9 +130,9 @@ def view_path(bin: BenchmarkBin) -> Path:
 
 
 def fingerprint(view: BinView) -> str:
-    """Return a hash of image, depth and truth: figures from views with equal fingerprints may be compared.
+    """Return a hash of image, depth and truth: figures from views with equal fingerprints are comparable.
 
-    OpenGL drivers may differ by a shade in a few pixels, and so do fingerprints across machines.
+    OpenGL drivers differ by one grey level in a few pixels, so fingerprints may differ across machines.
     """
     depth_m = view.frame.depth_m
     assert depth_m is not None

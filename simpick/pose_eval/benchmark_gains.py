@@ -1,4 +1,4 @@
-"""What each estimator gains over the one before, on the same bins, with paired bootstrap intervals."""
+"""Paired differences between successive estimators on the same bins, with bootstrap intervals."""
 
 from __future__ import annotations
 
@@ -12,53 +12,51 @@ from simpick.metrics.intervals import Interval, percentile_interval, resample_bi
 from simpick.pose_eval.benchmark_runs import BinFigures, PoseBenchmarkResult
 from simpick.terminal import Table, narrow_table
 
-FIGURES = ("ar", "below_5_deg")
-"""Of `BinFigures`: what is compared."""
+FIGURES = {"ar": "AR", "below_5_deg": "rotation error < 5 deg"}
+"""Compared fields of `BinFigures`, with their table headings."""
 _RESAMPLES = 10_000
 
 
 @dataclass(frozen=True)
 class Gain:
-    """How much better one estimator is than another on the same bins."""
+    """The difference between two estimators on the same bins."""
 
     estimator: str
-    before: str
-    """Who it is compared with."""
-    noise: str
-    """Preset of the detections."""
+    baseline: str
+    """The estimator that it is compared with."""
+    detections: str
+    """Detection preset."""
     differences: dict[str, Interval]
-    """By figure, as shares: this estimator's less the other's, with 95 % intervals over bins."""
+    """By figure, as fractions: this estimator's less the baseline's, with 95 % intervals over bins."""
 
 
 def gains(results: Sequence[PoseBenchmarkResult]) -> list[Gain]:
-    """Return each estimator's gain over the one before it, for every preset of detections that both have."""
+    """Return each estimator's gain over its predecessor, for every detection preset that both have."""
     return [
-        Gain(after.estimator, before.estimator, noise, _differences(before.by_bin[noise], after.by_bin[noise]))
+        Gain(after.estimator, before.estimator, preset, _differences(before.by_bin[preset], after.by_bin[preset]))
         for before, after in pairwise(results)
-        for noise in after.by_bin
-        if noise in before.by_bin
+        for preset in after.by_bin
+        if preset in before.by_bin
     ]
 
 
 def gains_table(gains: Sequence[Gain]) -> Table | None:
-    """Return the gains in points; None if there are none."""
+    """Return the gains in percentage points; None if there are none."""
     if not gains:
         return None
-    title = "Gain over the one before, points, 95 % intervals over bins"
-    table = narrow_table("estimator", "over", "detections", "AR", "rotation < 5 deg", title=title, labels=3)
-    for gain in gains:
-        table.add_row(gain.estimator, gain.before, gain.noise, *(_cell(gain.differences[name]) for name in FIGURES))
-    return table
+    rows = [(g.estimator, g.baseline, g.detections, *(_cell(g.differences[name]) for name in FIGURES)) for g in gains]
+    title = "Gain over the predecessor, percentage points, 95 % intervals over bins"
+    return narrow_table("estimator", "over", "detections", *FIGURES.values(), title=title, labels=3, rows=rows)
 
 
 def _differences(before: Sequence[BinFigures], after: Sequence[BinFigures]) -> dict[str, Interval]:
-    # Targets are the same for both: they are the bins', whoever answers.
+    # Targets are those of the bins, the same for both.
     targets = np.array([figures.targets for figures in after], float)
     counts = resample_bins(len(targets), _RESAMPLES, np.random.default_rng(0))
     differences = {}
     for name in FIGURES:
         change = np.array([getattr(b, name) - getattr(a, name) for a, b in zip(before, after, strict=True)])
-        # A bin without targets has no share.
+        # A bin without targets has no figure.
         found = np.where(targets > 0, change, 0.0) * targets
         value = found.sum() / max(targets.sum(), 1.0)
         differences[name] = percentile_interval(value, resampled_ratio(counts, found, targets))

@@ -1,4 +1,4 @@
-"""Fresh simulated bins as `PoseImage`s, and as a BOP data set on disk."""
+"""Simulated bins as `PoseImage`s, and their export as a BOP data set."""
 
 from __future__ import annotations
 
@@ -20,44 +20,44 @@ from simpick.scene import SceneConfig, build_scene
 
 @dataclass(frozen=True, eq=False)
 class BinView:
-    """A settled bin as a camera sees it, before anything is detected."""
+    """The camera image of a settled bin with its ground truth, without detections."""
 
     seed: int
-    """Of the bin."""
+    """Seed of the bin."""
     frame: CameraFrame
     """With depth and instance ids."""
     parts: tuple[Part, ...]
     """The part of each instance, by instance number."""
     truths: tuple[PoseTruth, ...]
 
-    def image(self, noise: str) -> PoseImage:
-        """Return the view with detections of this preset; the parts at least a tenth visible are the targets.
+    def image(self, detections: str) -> PoseImage:
+        """Return the view with detections of this preset; parts that are at least 10 % visible are the targets.
 
-        `PoseImage.scene_id` is the seed, from which the noise follows too.
+        `PoseImage.scene_id` is the seed, which also determines the noise of the detections.
         """
         counts: dict[str, int] = {}
         for truth in self.truths:
             if truth.visible_fraction >= MIN_VISIBLE_FRACTION:
                 counts[truth.part] = counts.get(truth.part, 0) + 1
-        # The second number keeps this stream apart from the one that the bin itself is drawn from.
+        # The second number separates this stream from the one that the bin itself is drawn from.
         rng = np.random.default_rng((self.seed, 1))
-        detector = SegmentationDetector(noise, rng, instance_parts=[part.name for part in self.parts])
-        detections = detector.detect(self.frame, list({part.name: part for part in self.parts}.values()))
-        return PoseImage(self.seed, 0, self.frame, tuple(detections), self.truths, counts)
+        detector = SegmentationDetector(detections, rng, instance_parts=[part.name for part in self.parts])
+        found = detector.detect(self.frame, list({part.name: part for part in self.parts}.values()))
+        return PoseImage(self.seed, 0, self.frame, tuple(found), self.truths, counts)
 
 
 @dataclass(frozen=True, eq=False)
 class BinImage:
-    """A settled bin, seen from above."""
+    """The image of a settled bin, with the silhouettes that an export needs."""
 
     image: PoseImage
     """`PoseImage.scene_id` is the bin's seed."""
     visibilities: tuple[Visibility, ...]
-    """Of the image's truths, in their order: silhouettes for export."""
+    """Of the image's truths, in their order."""
 
 
 def view_bin(config: SceneConfig, seed: int, *, camera: str = "overhead") -> tuple[BinView, tuple[Visibility, ...]]:
-    """Build the bin of a seed and return what the camera sees, and the visibility of each of its truths."""
+    """Build the bin of a seed and return the camera's view, and the visibility of each of its truths."""
     scene = build_scene(config, seed)
     with SceneRenderer(scene) as renderer:
         frame = renderer.capture(camera)
@@ -74,15 +74,12 @@ def view_bin(config: SceneConfig, seed: int, *, camera: str = "overhead") -> tup
 
 
 def bin_images(
-    config: SceneConfig, seeds: Sequence[int], noise: str = "perfect", *, camera: str = "overhead"
+    config: SceneConfig, seeds: Sequence[int], detections: str = "perfect", *, camera: str = "overhead"
 ) -> Iterator[BinImage]:
-    """Build a bin for each seed and yield its image with depth, truth and targets.
-
-    `noise` is the preset of the detections.
-    """
+    """Build a bin for each seed and yield its image with depth, truth, targets and detections of this preset."""
     for seed in seeds:
         view, visibilities = view_bin(config, seed, camera=camera)
-        yield BinImage(view.image(noise), visibilities)
+        yield BinImage(view.image(detections), visibilities)
 
 
 def export_bin(writer: BopWriter, bin_image: BinImage) -> int:

@@ -1,4 +1,4 @@
-"""Pose estimation on BOP data sets: their images, detections and targets, and results CSVs in and out."""
+"""BOP data sets as `PoseImage`s with targets and detections, and conversion from and to results CSVs."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from simpick.geometry import invert
 from simpick.metrics.models import EvaluationModel
 from simpick.metrics.visible_surface import VSD_DELTA_M
 from simpick.pose_eval.pose_images import PoseImage, PoseModel, PoseTruth
+from simpick.pose_eval.pose_sources import Answer
 from simpick.records import CameraFrame, Detection, PoseEstimate
 
 ITODD_DELTA_M = 0.005
@@ -23,7 +24,7 @@ def vsd_delta_m(dataset: BopDataset) -> float:
 
 
 def bop_pose_model(dataset: BopDataset, part: str) -> PoseModel:
-    """Return the eval model that BOP measures errors of a part on, with the diameter that the data set states."""
+    """Return the eval model on which BOP measures a part's errors, with the diameter that the data set states."""
     models = dataset.models
     obj_id = models.obj_id(part)
     own, rendered = models.part(obj_id), models.eval_part(obj_id)
@@ -41,8 +42,9 @@ def bop_images(
 ) -> Iterator[PoseImage]:
     """Yield the images that the targets name, in the targets' order.
 
-    Of the `detections`, each image's best are taken for each target object, as many as there are instances to find;
-    without any, the annotations' visible masks are. `amodal` says whether the file's boxes enclose whole objects.
+    Per image and target object, the `detections` with the highest scores are used, as many as there are instances to
+    find; if None, the annotations' visible masks are used. `amodal` states whether the file's boxes enclose whole
+    objects.
     """
     wanted: dict[tuple[int, int], dict[str, int]] = {}
     for target in targets:
@@ -60,7 +62,7 @@ def bop_images(
         if scene is None or scene.scene_id != scene_id:
             scene = dataset.scene(scene_id)
         frame = scene.frame(im_id, depth=depth)
-        # Without scene_gt_info nothing tells how much is visible: all count alike.
+        # Without scene_gt_info visibility is unknown: all instances count alike.
         truths = tuple(
             PoseTruth(t.part, t.T_camera_part, 1.0 if t.visible_fraction is None else t.visible_fraction, t.gt_id)
             for t in scene.truth(im_id)
@@ -75,7 +77,7 @@ def bop_images(
 
 
 def truth_targets(dataset: BopDataset, min_visible_fraction: float = MIN_VISIBLE_FRACTION) -> list[BopTarget]:
-    """Return all annotated instances of the split of which enough is visible, as targets."""
+    """Return all annotated instances of the split that are visible enough, as targets."""
     targets = []
     for scene in dataset:
         for im_id in scene:
@@ -99,13 +101,11 @@ def estimates_from_results(
     return estimates
 
 
-def results_from_estimates(
-    dataset: BopDataset, image: PoseImage, estimates: Sequence[PoseEstimate], elapsed_s: float
-) -> list[BopResult]:
+def results_from_answer(dataset: BopDataset, answer: Answer) -> list[BopResult]:
     """Return the lines of a results CSV for one image; its time is that of detection and estimation together."""
-    time_s = image.detection_s + elapsed_s
+    image, time_s = answer.image, answer.image.detection_s + answer.estimation_s
     results = []
-    for estimate in estimates:
+    for estimate in answer.estimates:
         obj_id = dataset.models.obj_id(estimate.part)
         T_camera_model = estimate.T_camera_part @ invert(dataset.models.part(obj_id).T_cad_part)
         results.append(BopResult(image.scene_id, image.im_id, obj_id, estimate.score, T_camera_model, time_s))
@@ -115,7 +115,7 @@ def results_from_estimates(
 def _best(
     dataset: BopDataset, entries: Sequence[BopDetection], counts: dict[str, int], frame: CameraFrame, amodal: bool
 ) -> list[Detection]:
-    """Return the surest detections of each target part, as many as there are instances to find."""
+    """Return the detections of each target part with the highest scores, as many as there are instances to find."""
     height, width = frame.rgb.shape[:2]
     left = dict(counts)
     chosen = []

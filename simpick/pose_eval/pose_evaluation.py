@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,21 +11,23 @@ from jaxtyping import Float
 
 from simpick.errors import ConfigError
 from simpick.metrics.matching import greedy_matches, top_estimates, valid_truths
-from simpick.metrics.pose_errors import batch_pose_errors, mssd
+from simpick.metrics.pose_errors import batch_pose_errors, mssd, pose_error
 from simpick.metrics.scores import DepthImages, PoseScores, TargetErrors, pose_scores, target_errors
 from simpick.metrics.summaries import VISIBILITY_BANDS, PoseSummary, summarize, summarize_by_visibility
 from simpick.metrics.visible_surface import VSD_DELTA_M
 from simpick.pose_eval.pose_images import PoseImage, PoseModel, PoseTruth
-from simpick.pose_eval.posed_depth import PosedDepthRenderer
+from simpick.pose_eval.pose_sources import Answer, PoseSource, answers
 from simpick.records import PoseError, PoseEstimate
+from simpick.rendering.posed_depth import PosedDepthRenderer
+from simpick.terminal import Console, track
 
 
 @dataclass(frozen=True, eq=False)
 class InstanceError:
-    """How one instance that was to be found was answered."""
+    """The pose error of one instance that was to be found."""
 
     error: PoseError | None
-    """None without an answer."""
+    """None without an estimate."""
     visible_fraction: float
     depth_m: float
     """True depth of the part's origin along the optical axis."""
@@ -33,12 +35,12 @@ class InstanceError:
 
 @dataclass(frozen=True, eq=False)
 class ImageErrors:
-    """All that is kept of one image with its estimates."""
+    """The errors of all estimates of one image."""
 
     targets: tuple[TargetErrors, ...]
-    """One a part."""
+    """One per part."""
     instances: tuple[InstanceError, ...]
-    """All that were to be found."""
+    """One per instance that was to be found."""
     detections: int
     estimation_s: float
     """Wall-clock time of the image's estimates."""
@@ -46,7 +48,7 @@ class ImageErrors:
 
 @dataclass(frozen=True, eq=False)
 class PoseEvaluation:
-    """The outcome over all images."""
+    """The scores over all images."""
 
     scores: PoseScores
     """Average recalls, in all and per part."""
@@ -75,49 +77,45 @@ class PoseEvaluation:
 
     @property
     def ms_per_detection(self) -> float:
-        """Return the mean time of an estimate; NaN without detections."""
+        """Return the mean time per estimate in milliseconds; NaN without detections."""
         return 1e3 * self.estimation_s / self.detections if self.detections else float("nan")
 
 
 class PoseEvaluator:
-    """Takes images with their estimates one by one and keeps only their errors. A context manager.
+    """Computes the errors of estimates. A context manager.
 
-    With `vsd`, every image needs depth, and parts are rendered through OpenGL; without, AR stays None, since BOP's AR
-    is the mean of three terms.
+    With `vsd`, every image needs depth, and parts are rendered through OpenGL; without, AR is None, since BOP's AR is
+    the mean of three terms.
     """
 
     def __init__(self, model_of: Callable[[str], PoseModel], *, vsd: bool = True, delta_m: float = VSD_DELTA_M) -> None:
         self._model_of, self._vsd, self._delta_m = model_of, vsd, delta_m
         self._models: dict[str, PoseModel] = {}
         self._renderer = PosedDepthRenderer()
-        self._images: list[ImageErrors] = []
 
-    def add(self, image: PoseImage, estimates: Sequence[PoseEstimate], elapsed_s: float) -> ImageErrors:
-        """Score one image's estimates, which took `elapsed_s` together, and return what is kept of them.
+    def score(self, answer: Answer) -> ImageErrors:
+        """Return the errors of one image's estimates.
 
         Raises:
-            ConfigError: VSD is wanted and the image has no depth.
+            ConfigError: VSD is to be computed and the image has no depth.
         """
+        image = answer.image
         if self._vsd and image.frame.depth_m is None:
             raise ConfigError(
                 f"VSD needs depth, and scene {image.scene_id}, image {image.im_id} has none; evaluate without VSD "
                 "(--no-vsd)"
             )
-        scored = [self._score(image, target) for target in self._targets(image, estimates)]
-        instances = tuple(instance for _, answers in scored for instance in answers)
-        errors = ImageErrors(tuple(target for target, _ in scored), instances, len(image.detections), elapsed_s)
-        self._images.append(errors)
-        return errors
-
-    def instance_errors(self, image: PoseImage, estimates: Sequence[PoseEstimate]) -> tuple[InstanceError, ...]:
-        """Return only how each instance was answered, which costs little, and keep nothing."""
-        return tuple(
-            error for target in self._targets(image, estimates) for error in _instance_errors(target, _answers(target))
+        targets = self._targets(image, answer.estimates)
+        return ImageErrors(
+            tuple(self._target_errors(image, target) for target in targets),
+            tuple(error for target in targets for error in _instance_errors(target)),
+            len(image.detections),
+            answer.estimation_s,
         )
 
-    def result(self) -> PoseEvaluation:
-        """Return the scores of all images so far."""
-        return PoseEvaluation.of(self._images)
+    def instance_errors(self, image: PoseImage, estimates: Sequence[PoseEstimate]) -> tuple[InstanceError, ...]:
+        """Return only the pose errors by instance, which is cheap: nothing is rendered."""
+        return tuple(error for target in self._targets(image, estimates) for error in _instance_errors(target))
 
     def close(self) -> None:
         """Free the OpenGL contexts; may be called again."""
@@ -130,7 +128,7 @@ class PoseEvaluator:
         self.close()
 
     def _targets(self, image: PoseImage, estimates: Sequence[PoseEstimate]) -> list[_Target]:
-        """Return what counts: of each part the surest estimates and the most visible truths."""
+        """Return what counts: per part, the estimates with the highest scores and the most visible truths."""
         targets = []
         for part, inst_count in sorted(image.inst_counts.items()):
             if part not in self._models:
@@ -149,13 +147,16 @@ class PoseEvaluator:
             )
         return targets
 
-    def _score(self, image: PoseImage, target: _Target) -> tuple[TargetErrors, list[InstanceError]]:
-        camera, depth = image.frame.camera, None
+    def _target_errors(self, image: PoseImage, target: _Target) -> TargetErrors:
+        camera, model, depth = image.frame.camera, target.model, None
         if self._vsd and image.frame.depth_m is not None:
-            rendered = [self._renderer.render(target.model, Ts, camera) for Ts in (target.Ts_estimate, target.Ts_truth)]
+            rendered = [
+                self._renderer.render(model.rendered, Ts @ model.T_part_rendered, camera)
+                for Ts in (target.Ts_estimate, target.Ts_truth)
+            ]
             depth = DepthImages(image.frame.depth_m, rendered[0], rendered[1], self._delta_m)
-        errors = target_errors(
-            target.model.evaluation,
+        return target_errors(
+            model.evaluation,
             camera,
             target.Ts_estimate,
             np.array([estimate.score for estimate in target.estimates]),
@@ -164,7 +165,38 @@ class PoseEvaluator:
             target.inst_count,
             depth,
         )
-        return errors, _instance_errors(target, _answers(target))
+
+
+def score_images(
+    images: Iterable[PoseImage],
+    source: PoseSource,
+    evaluator: PoseEvaluator,
+    *,
+    total: int | None = None,
+    on_answer: Callable[[Answer], None] | None = None,
+    console: Console | None = None,
+) -> PoseEvaluation:
+    """Estimate and score every image with a progress bar; `on_answer` receives each answer."""
+    errors = []
+    for answer in track(answers(images, source), "images", total=total, console=console):
+        errors.append(evaluator.score(answer))
+        if on_answer is not None:
+            on_answer(answer)
+    return PoseEvaluation.of(errors)
+
+
+def estimate_errors(
+    answer: Answer, model_of: Callable[[str], PoseModel]
+) -> list[tuple[PoseEstimate, PoseTruth, PoseError]]:
+    """Return each estimate with the truth of its detection's instance and its error; all detections must have one."""
+    truths = {truth.instance: truth for truth in answer.image.truths}
+    found = []
+    for estimate in answer.estimates:
+        assert estimate.detection is not None and estimate.detection.instance is not None
+        truth = truths[estimate.detection.instance]
+        error = pose_error(estimate.T_camera_part, truth.T_camera_part, model_of(truth.part).evaluation)
+        found.append((estimate, truth, error))
+    return found
 
 
 def summarize_instances(instances: Sequence[InstanceError]) -> PoseSummary:
@@ -190,33 +222,30 @@ class _Target:
         return np.array([t.T_camera_part for t in self.truths]).reshape(-1, 4, 4)
 
 
-def _answers(target: _Target) -> list[int | None]:
-    """Return which estimate answers each truth.
+def _estimate_of_each(target: _Target) -> dict[int, int]:
+    """Return the index of the estimate of each truth that has one.
 
-    Where detections know the instance that they came from, that decides; else the surest estimates choose the nearest
-    truth by MSSD, one each, however far off.
+    If all detections name the instance that they come from, it decides; else estimates choose the nearest truth by
+    MSSD in the order of their scores, each truth once, at any distance.
     """
-    answers: list[int | None] = [None] * len(target.truths)
-    index = {truth.instance: g for g, truth in enumerate(target.truths)}
     known = [None if e.detection is None else e.detection.instance for e in target.estimates]
-    if known and all(instance is not None for instance in known):
-        for e, instance in enumerate(known):
-            if instance in index and answers[index[instance]] is None:
-                answers[index[instance]] = e
-    elif known and target.truths:
+    if known and target.truths and None in known:
         errors = mssd(target.Ts_estimate[:, None], target.Ts_truth[None], target.model.evaluation)
-        for e, match in enumerate(greedy_matches(errors, np.array([np.inf]))[0]):
-            if match >= 0:
-                answers[match] = e
-    return answers
+        matches = greedy_matches(errors, np.array([np.inf]))[0]
+        return {int(g): e for e, g in enumerate(matches) if g >= 0}
+    index = {truth.instance: g for g, truth in enumerate(target.truths)}
+    first: dict[int, int] = {}
+    for e, instance in enumerate(known):
+        if instance in index:
+            first.setdefault(index[instance], e)
+    return first
 
 
-def _instance_errors(target: _Target, answers: Sequence[int | None]) -> list[InstanceError]:
-    pairs = [(e, g) for g, e in enumerate(answers) if e is not None]
-    estimates, truths = target.Ts_estimate[[e for e, _ in pairs]], target.Ts_truth[[g for _, g in pairs]]
-    errors = dict(
-        zip((g for _, g in pairs), batch_pose_errors(estimates, truths, target.model.evaluation), strict=True)
-    )
+def _instance_errors(target: _Target) -> list[InstanceError]:
+    estimate_of = _estimate_of_each(target)
+    Ts_estimate = target.Ts_estimate[list(estimate_of.values())]
+    Ts_truth = target.Ts_truth[list(estimate_of)]
+    errors = dict(zip(estimate_of, batch_pose_errors(Ts_estimate, Ts_truth, target.model.evaluation), strict=True))
     return [
         InstanceError(errors.get(g), truth.visible_fraction, float(truth.T_camera_part[2, 3]))
         for g, truth in enumerate(target.truths)

@@ -1,10 +1,11 @@
-"""Who answers an image: an estimator, the oracle, or a results file."""
+"""Sources of pose estimates (an estimator, the oracle, a results file), and the loop that asks them."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol, runtime_checkable
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 from simpick.assets.part import Part
 from simpick.errors import ConfigError
@@ -15,44 +16,63 @@ from simpick.pose_eval.pose_images import PoseImage
 from simpick.records import InstanceTruth, PoseEstimate
 
 
-@runtime_checkable
-class PoseSource(Protocol):
-    """Answers images with estimates."""
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """A source's estimates for one image."""
 
-    def prepare(self, image: PoseImage) -> None:
-        """Do what does not count as estimation time, such as making templates."""
-        ...
+    image: PoseImage
+    estimates: Sequence[PoseEstimate]
+    estimation_s: float
+    """Wall-clock time of all estimates, without preparation."""
 
+
+class PoseSource(ABC):
+    """Provides estimates for images."""
+
+    onboarding_s: Mapping[str, float] = {}
+    """Wall-clock time of onboarding by part; small where templates were cached."""
+
+    def prepare(self, image: PoseImage) -> None:  # noqa: B027
+        """Do what does not count as estimation time; nothing by default."""
+
+    @abstractmethod
     def estimate(self, image: PoseImage) -> Sequence[PoseEstimate]:
         """Return estimates of the image's detections."""
-        ...
 
 
-class EstimatorSource:
+def answers(images: Iterable[PoseImage], source: PoseSource) -> Iterator[Answer]:
+    """Yield the source's answer to each image; only estimation is timed."""
+    for image in images:
+        source.prepare(image)
+        start = time.perf_counter()
+        estimates = source.estimate(image)
+        yield Answer(image, estimates, time.perf_counter() - start)
+
+
+class EstimatorSource(PoseSource):
     """Runs an estimator; each part is onboarded before the first image with a detection of it."""
 
     def __init__(self, estimator: PoseEstimator, part_of: Callable[[str], Part]) -> None:
         self._estimator, self._part_of = estimator, part_of
         self.onboarding_s: dict[str, float] = {}
-        """Wall-clock time by part; little where templates came from the cache."""
 
     def prepare(self, image: PoseImage) -> None:
-        """Onboard the parts that are new."""
+        """Onboard new parts."""
         for name in sorted({detection.part for detection in image.detections} - self.onboarding_s.keys()):
             start = time.perf_counter()
             self._estimator.onboard(self._part_of(name))
             self.onboarding_s[name] = time.perf_counter() - start
 
     def estimate(self, image: PoseImage) -> Sequence[PoseEstimate]:
-        """Return the estimator's answers, all detections in one batch."""
+        """Return the estimates of all detections, computed in one batch."""
         return self._estimator.estimate(image.frame, image.detections)
 
 
-class OracleSource:
-    """Answers with the true poses of the detections' instances."""
+class OracleSource(PoseSource):
+    """Returns the true poses of the detected instances."""
 
     def prepare(self, image: PoseImage) -> None:
-        """Check that the detections say which instances they come from; raises ConfigError."""
+        """Raise ConfigError unless all detections name the instance that they come from."""
         if any(detection.instance is None for detection in image.detections):
             raise ConfigError("the oracle needs detections made from annotations; leave out the detections file")
 
@@ -63,26 +83,23 @@ class OracleSource:
         return OracleEstimator(lambda: truths).estimate(image.frame, image.detections)
 
 
-class FileSource:
-    """Answers with estimates that were made before, by scene and image."""
+class FileSource(PoseSource):
+    """Returns the estimates of a results file, by scene and image."""
 
     def __init__(self, estimates: Mapping[tuple[int, int], Sequence[PoseEstimate]]) -> None:
         self._estimates = estimates
 
-    def prepare(self, image: PoseImage) -> None:
-        """Do nothing."""
-
     def estimate(self, image: PoseImage) -> Sequence[PoseEstimate]:
-        """Return the file's estimates of the image; none if it has none."""
+        """Return the file's estimates for the image, which may be none."""
         return self._estimates.get((image.scene_id, image.im_id), [])
 
 
 def make_source(
     name: str, part_of: Callable[[str], Part], hypotheses: int | None = None, budget: PoseBudget | None = None
 ) -> PoseSource:
-    """Return the source behind an estimator's name, or ``NAME@K``; the oracle answers from the annotations.
+    """Return the source of an estimator, ``NAME`` or ``NAME@K``; the oracle reads the annotations.
 
-    K is the number of hypotheses that it is asked for, instead of `hypotheses`.
+    K is the number of hypotheses to ask for, instead of `hypotheses`.
 
     Raises:
         UnknownNameError: no estimator has this name.

@@ -1,4 +1,4 @@
-"""The refiner's basin of convergence: from how far off does it find the true pose, by how much of the part is seen?"""
+"""The refiner's basin of convergence: final error by initial error and visibility."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from simpick.assets.library import get_part
 from simpick.estimators.refiner import Refiner
 from simpick.geometry import so3_exp
-from simpick.metrics.models import EvaluationModel
-from simpick.metrics.pose_errors import batch_pose_errors
 from simpick.plotting import new_figure, save_figure
 from simpick.pose_eval.bin_images import BinView
-from simpick.records import PoseHypothesis
+from simpick.pose_eval.pose_evaluation import estimate_errors
+from simpick.pose_eval.pose_images import PoseImage, library_model
+from simpick.pose_eval.pose_sources import PoseSource, answers
+from simpick.records import PoseEstimate, PoseHypothesis
 
 BANDS = ((0.1, 0.5), (0.5, 0.9), (0.9, 1.0))
-"""Bounds of the visible share, of which each gets its own curve."""
+"""Visibility bands, each with its own curve."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,44 +33,62 @@ class BasinPoint:
 
 
 def perturbed(
-    T_camera_part: Float[np.ndarray, "4 4"], rotation_deg: float, depth_share: float, rng: np.random.Generator
+    T_camera_part: Float[np.ndarray, "4 4"], rotation_deg: float, depth_fraction: float, rng: np.random.Generator
 ) -> Float[np.ndarray, "4 4"]:
-    """Return the pose turned by this angle about a random axis, and nearer or farther by up to this share."""
+    """Return the pose rotated by this angle about a random axis, and moved in depth by up to this fraction."""
     axis = rng.normal(size=3)
     T = T_camera_part.copy()
     T[:3, :3] = so3_exp(np.radians(rotation_deg) * axis / np.linalg.norm(axis)) @ T[:3, :3]
-    T[:3, 3] *= 1 + depth_share * rng.uniform(-1, 1)
+    T[:3, 3] *= 1 + depth_fraction * rng.uniform(-1, 1)
     return T
 
 
+class PerturbedTruths(PoseSource):
+    """Refines the perturbed true pose of every detected part that is at least a tenth visible."""
+
+    def __init__(self, refiner: Refiner, start_deg: float, depth_fraction: float, rng: np.random.Generator) -> None:
+        self._refiner, self._start_deg, self._depth_fraction, self._rng = refiner, start_deg, depth_fraction, rng
+
+    def prepare(self, image: PoseImage) -> None:
+        """Onboard the image's parts."""
+        for name in sorted({detection.part for detection in image.detections}):
+            self._refiner.onboard(library_model(name).rendered)
+
+    def estimate(self, image: PoseImage) -> list[PoseEstimate]:
+        """Return the best refined pose of each detection, with one start each."""
+        Ts_true = {t.instance: t.T_camera_part for t in image.truths if t.visible_fraction >= BANDS[0][0]}
+        detections = [d for d in image.detections if d.instance in Ts_true]
+        starts = [
+            [PoseHypothesis(perturbed(Ts_true[d.instance], self._start_deg, self._depth_fraction, self._rng), 1.0)]
+            for d in detections
+            if d.instance is not None
+        ]
+        refined = self._refiner.refine(image.frame, detections, starts)
+        return [
+            PoseEstimate(d.part, best_first[0].T_camera_part, best_first[0].score, "refiner", 0.0, best_first, d)
+            for d, best_first in zip(detections, refined, strict=True)
+        ]
+
+
 def measure_basin(
-    views: Sequence[BinView], refiner: Refiner, starts_deg: Sequence[float], depth_share: float, seed: int
+    views: Sequence[BinView], refiner: Refiner, starts_deg: Sequence[float], depth_fraction: float, seed: int
 ) -> list[BasinPoint]:
-    """Refine every part that is a tenth or more visible from each of these rotation errors, one start each."""
+    """Refine every part that is at least a tenth visible from each of these rotation errors, one start each."""
     rng = np.random.default_rng(seed)
     points = []
     for view in views:
         image = view.image("perfect")
-        truths = {truth.instance: truth for truth in image.truths}
-        for part in {part.name: part for part in view.parts}.values():
-            refiner.onboard(part)
-        detections = [
-            d for d in image.detections if d.instance is not None and truths[d.instance].visible_fraction >= BANDS[0][0]
-        ]
-        true = [truths[d.instance] for d in detections if d.instance is not None]
         for start_deg in starts_deg:
-            starts = [perturbed(t.T_camera_part, start_deg, depth_share, rng) for t in true]
-            refined = refiner.refine(image.frame, detections, [[PoseHypothesis(T, 1.0)] for T in starts])
-            for truth, best_first in zip(true, refined, strict=True):
-                model = EvaluationModel.of(get_part(truth.part))
-                T = best_first[0].T_camera_part
-                error = batch_pose_errors(T[None], truth.T_camera_part[None], model)[0]
-                points.append(BasinPoint(start_deg, error.rotation_deg, error.translation_mm, truth.visible_fraction))
+            for answer in answers([image], PerturbedTruths(refiner, start_deg, depth_fraction, rng)):
+                points += [
+                    BasinPoint(start_deg, error.rotation_deg, error.translation_mm, truth.visible_fraction)
+                    for _, truth, error in estimate_errors(answer, library_model)
+                ]
     return points
 
 
 def plot_basin(points: Sequence[BasinPoint], file: Path) -> None:
-    """Write a plot: median final rotation error, and share of starts that end below 5 deg, by initial error."""
+    """Write a plot of median final rotation error and of the share of results below 5 deg, by initial error."""
     figure = new_figure(9, 4)
     left, right = figure.subplots(1, 2)
     starts = sorted({point.start_deg for point in points})

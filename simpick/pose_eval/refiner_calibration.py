@@ -1,4 +1,4 @@
-"""Fitting the refiner's confidence on random training parts, and checking it on library parts."""
+"""Outcomes to fit the refiner's confidence on random training parts and to check it on library parts."""
 
 from __future__ import annotations
 
@@ -15,20 +15,21 @@ from simpick.assets.library import get_part
 from simpick.caching import atomic_write_text
 from simpick.estimators.refiner.confidence import FEATURES, GOOD_DEG, GOOD_MM, Confidence, confidence_features
 from simpick.estimators.refiner.refined_estimator import RefinedEstimator, visible_px
-from simpick.metrics.models import EvaluationModel
-from simpick.metrics.pose_errors import batch_pose_errors
 from simpick.plotting import new_figure, save_figure
 from simpick.pose_eval.bin_images import BinView, view_bin
+from simpick.pose_eval.pose_evaluation import estimate_errors
+from simpick.pose_eval.pose_images import library_model
+from simpick.pose_eval.pose_sources import EstimatorSource, answers
 from simpick.scene import SceneConfig
 
-NOISES = ("perfect", "realistic")
-"""Presets of detections that calibration sees, each bin with both."""
+DETECTIONS = ("perfect", "realistic")
+"""Detection presets of calibration; each bin is used with both."""
 _FIRST_BIN_SEED, _FIRST_PART_SEED = 61_000, 700_000
 
 
 @dataclass(frozen=True, eq=False)
 class Outcomes:
-    """Refined poses with their cues, and whether they were good."""
+    """Features of refined poses, and whether the poses were good."""
 
     features: Float[np.ndarray, "n 3"]
     good: Float[np.ndarray, "n"]
@@ -36,7 +37,7 @@ class Outcomes:
 
     @property
     def plain_scores(self) -> Float[np.ndarray, "n"]:
-        """Return the refiner's own scores, which are no probabilities."""
+        """Return the refiner's own scores, which are not probabilities."""
         return np.exp(self.features[:, FEATURES.index("log_score")])
 
 
@@ -55,41 +56,33 @@ def pooled(parts: Iterable[Outcomes]) -> Outcomes:
 
 
 def outcomes(views: Iterable[BinView], estimator: RefinedEstimator) -> Outcomes:
-    """Estimate every detection of these bins, with detections of each of `NOISES`."""
+    """Estimate the poses of all parts in these bins, with each of the presets `DETECTIONS`."""
+    images = (view.image(preset) for view in views for preset in DETECTIONS)
     features, good = [], []
-    for view in views:
-        for part in dict.fromkeys(part.name for part in view.parts):
-            estimator.onboard(get_part(part))
-        for noise in NOISES:
-            image = view.image(noise)
-            truths = {truth.instance: truth for truth in image.truths}
-            for estimate in estimator.estimate(image.frame, image.detections):
-                detection = estimate.detection
-                assert detection is not None and detection.mask is not None and detection.instance is not None
-                truth = truths[detection.instance]
-                model = EvaluationModel.of(get_part(estimate.part))
-                error = batch_pose_errors(estimate.T_camera_part[None], truth.T_camera_part[None], model)[0]
-                features.append(confidence_features(estimate.hypotheses, visible_px(detection)))
-                good.append(error.rotation_deg < GOOD_DEG and error.translation_mm < GOOD_MM)
+    for answer in answers(images, EstimatorSource(estimator, get_part)):
+        for estimate, _, error in estimate_errors(answer, library_model):
+            assert estimate.detection is not None and estimate.detection.mask is not None
+            features.append(confidence_features(estimate.hypotheses, visible_px(estimate.detection)))
+            good.append(error.rotation_deg < GOOD_DEG and error.translation_mm < GOOD_MM)
     return Outcomes(np.array(features).reshape(-1, len(FEATURES)), np.array(good, float))
 
 
 def brier_score(probability: Float[np.ndarray, "n"], good: Float[np.ndarray, "n"]) -> float:
-    """Return the mean squared difference of probability and outcome: 0 is perfect, 0.25 a coin's."""
+    """Return the mean squared difference of probability and outcome: 0 is perfect, 0.25 for a coin flip."""
     return float(np.mean((probability - good) ** 2))
 
 
 def write_confidence(confidence: Confidence, provenance: dict[str, Any], file: Path) -> None:
-    """Write the model with what it was fitted on."""
+    """Write the model with its provenance."""
     weights = dict(zip(FEATURES, confidence.weights, strict=True))
     content = {"bias": confidence.bias, "weights": weights, "good": {"mm": GOOD_MM, "deg": GOOD_DEG}, **provenance}
     atomic_write_text(file, json.dumps(content, indent=2) + "\n")
 
 
 def plot_reliability(checked: Mapping[str, Outcomes], confidence: Confidence, file: Path) -> None:
-    """Write plots of the observed share of good poses against the predicted one, in ten equal groups each.
+    """Write reliability plots: observed against predicted share of good poses, in ten groups of equal size.
 
-    One plot for each set of outcomes, by its name: of the confidence's probabilities and of the plain scores.
+    There is one plot per named set of outcomes, with the confidence's probabilities and the refiner's own scores.
     """
     figure = new_figure(4.6 * len(checked), 4.4)
     for axes, (name, own) in zip(

@@ -18,9 +18,8 @@ from simpick.pose_eval.bop_evaluation import (
     truth_targets,
     vsd_delta_m,
 )
-from simpick.pose_eval.pose_evaluation import PoseEvaluator
-from simpick.pose_eval.pose_runs import score_images
-from simpick.pose_eval.pose_sources import FileSource, OracleSource
+from simpick.pose_eval.pose_evaluation import PoseEvaluator, score_images
+from simpick.pose_eval.pose_sources import Answer, FileSource, OracleSource
 from simpick.records import PoseEstimate
 
 
@@ -156,7 +155,7 @@ def test_vsd_of_an_image_without_depth_is_refused(root):
         PoseEvaluator(lambda part: bop_pose_model(dataset, part)) as evaluator,
         pytest.raises(ConfigError, match=r"VSD needs depth, and scene 4, image 0 has none; evaluate without VSD"),
     ):
-        evaluator.add(image, [], 0.0)
+        evaluator.score(Answer(image, [], 0.0))
 
 
 def test_itodd_has_its_own_visibility_tolerance(root):

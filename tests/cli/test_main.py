@@ -91,7 +91,7 @@ def test_former_names_still_work_and_say_so(capsys) -> None:
     assert capsys.readouterr().err == (
         "simpick: yardstick is now called pose-benchmark\n"
         "simpick: --noise is now called --detections\n"
-        "simpick: bins of the yardstick must be between 1 and 50, got 99\n"
+        "simpick: bins of the pose benchmark must be between 1 and 50, got 99\n"
     )
 
 

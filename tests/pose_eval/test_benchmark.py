@@ -1,4 +1,4 @@
-"""The yardstick: fixed bins, kept views, figures that count misses, and honest labels."""
+"""The pose benchmark: fixed bins, cached views, figures that count misses, and labels of partial runs."""
 
 import dataclasses
 import json
@@ -42,24 +42,24 @@ def test_there_are_fifty_bins_and_every_five_are_like_the_whole() -> None:
 
 @pytest.mark.parametrize("count", [0, 51])
 def test_a_number_of_bins_that_do_not_exist_is_refused(count: int) -> None:
-    with pytest.raises(ConfigError, match=f"bins of the yardstick must be between 1 and 50, got {count}"):
+    with pytest.raises(ConfigError, match=f"bins of the pose benchmark must be between 1 and 50, got {count}"):
         benchmark_bins(count)
 
 
 @pytest.mark.render
-def test_the_kept_view_is_the_fresh_one_to_the_last_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_cached_view_is_the_fresh_one_to_the_last_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SIMPICK_CACHE", str(tmp_path))
     bin = benchmark_bins(1)[0]
     fresh, _ = view_bin(bin.config, bin.seed)
-    made, kept = load_view(bin), load_view(bin)
-    assert fingerprint(fresh) == fingerprint(made) == fingerprint(kept)
-    assert kept.frame.camera == fresh.frame.camera
-    for a, b in zip(kept.truths, fresh.truths, strict=True):
+    made, cached = load_view(bin), load_view(bin)
+    assert fingerprint(fresh) == fingerprint(made) == fingerprint(cached)
+    assert cached.frame.camera == fresh.frame.camera
+    for a, b in zip(cached.truths, fresh.truths, strict=True):
         assert (a.part, a.instance, a.visible_fraction) == (b.part, b.instance, b.visible_fraction)
-    for a, b in zip(kept.image("realistic").detections, fresh.image("realistic").detections, strict=True):
+    for a, b in zip(cached.image("realistic").detections, fresh.image("realistic").detections, strict=True):
         assert (a.part, a.instance, a.score) == (b.part, b.instance, b.score)
         np.testing.assert_array_equal(a.mask, b.mask)
-    # A file cut short is made again.
+    # A truncated file is replaced.
     whole = view_path(bin).read_bytes()
     view_path(bin).write_bytes(whole[: len(whole) // 2])
     assert fingerprint(load_view(bin)) == fingerprint(fresh)
@@ -79,7 +79,7 @@ def test_true_poses_have_no_error_and_misses_count() -> None:
     assert sum(band.count for band in realistic.by_visibility.values()) == realistic.summary.count
     assert not result.best_of and not result.onboarding_s
     assert title(result).startswith(
-        "oracle on only the first 2 of the yardstick's 50 bins\n2 mixed, 0 homogeneous; fingerprint "
+        "oracle on the pose benchmark, only the first 2 of 50 bins\n2 mixed, 0 homogeneous; fingerprint "
     )
 
 
@@ -105,17 +105,17 @@ class SecondGuess(OracleSource):
 
 
 @pytest.mark.render
-@pytest.mark.parametrize(("offered", "told"), [(2, [1, 2]), (5, [1, 5]), (7, [1, 5, 7])])
-def test_the_best_of_the_hypotheses_is_told_up_to_the_number_that_was_offered(offered: int, told: list[int]) -> None:
+@pytest.mark.parametrize(("offered", "shown"), [(2, [1, 2]), (5, [1, 5]), (7, [1, 5, 7])])
+def test_the_best_of_the_hypotheses_is_reported_up_to_the_number_that_was_made(offered: int, shown: list[int]) -> None:
     (bin,) = benchmark_bins(1)
     with BinScorer(SecondGuess(offered), ["perfect"]) as scorer:
         result = summarize_scores("second", [bin], ["perfect"], [scorer.score(bin)])
-    assert list(result.best_of) == [("perfect", k) for k in told]
+    assert list(result.best_of) == [("perfect", k) for k in shown]
     table = best_of_table(result)
-    assert table is not None and list(table.columns[1].cells) == [str(k) for k in told]
+    assert table is not None and list(table.columns[1].cells) == [str(k) for k in shown]
     assert result.best_of["perfect", 1] == result.evaluations["perfect"].summary
     assert result.best_of["perfect", 1].recall_5_deg < 0.5
-    for k in told[1:]:
+    for k in shown[1:]:
         assert result.best_of["perfect", k].recall_5_deg == 1
         assert result.best_of["perfect", k].median_translation_mm < 1e-3
 
@@ -130,7 +130,7 @@ def test_a_gain_is_the_difference_of_the_whole_and_its_interval_is_over_bins() -
     before = result_of("a", (10, 0.5), (30, 0.7), (0, 0.0), (20, 0.6))
     after = result_of("b", (10, 0.6), (30, 0.8), (0, 0.0), (20, 0.7))
     (alike,) = gains([before, after])
-    assert (alike.estimator, alike.before, alike.noise) == ("b", "a", "perfect")
+    assert (alike.estimator, alike.baseline, alike.detections) == ("b", "a", "perfect")
     assert alike.differences["ar"].value == pytest.approx(0.1) and alike.differences["ar"].has_zero_width
     assert alike.differences["ar"].low == pytest.approx(0.1) == alike.differences["ar"].high
     (mixed,) = gains([before, result_of("c", (10, 0.9), (30, 0.7), (0, 0.0), (20, 0.5))])
@@ -141,7 +141,7 @@ def test_a_gain_is_the_difference_of_the_whole_and_its_interval_is_over_bins() -
 
 @pytest.mark.render
 def test_bins_weighted_by_targets_make_the_whole() -> None:
-    result = run_pose_benchmark("oracle", noises=["realistic"], bins=2)
+    result = run_pose_benchmark("oracle", detections=["realistic"], bins=2)
     targets = np.array([figures.targets for figures in result.by_bin["realistic"]])
     ar = np.array([figures.ar for figures in result.by_bin["realistic"]])
     below = np.array([figures.below_5_deg for figures in result.by_bin["realistic"]])
@@ -163,7 +163,7 @@ def test_the_command_writes_the_figures_that_several_processes_find_too(tmp_path
     assert written == here
     assert written["whole"] is False and written["detections"]["perfect"]["ar"] == 1
     text = " ".join(capsys.readouterr().out.split())
-    assert "only the first 2 of the yardstick's 50 bins" in text and "oracle by visibility, realistic" in text
+    assert "only the first 2 of 50 bins" in text and "oracle by visibility, realistic" in text
 
 
 @pytest.mark.render
@@ -186,7 +186,7 @@ def test_figures_are_not_written_over_anything_by_accident(tmp_path: Path, capsy
     ("arguments", "text"),
     [
         (("telepathy",), "no estimator named 'telepathy'. Valid: coarse, fine, oracle"),
-        (("oracle", "--bins", "51"), "bins of the yardstick must be between 1 and 50, got 51"),
+        (("oracle", "--bins", "51"), "bins of the pose benchmark must be between 1 and 50, got 51"),
         (("oracle", "--workers", "0"), "workers must be at least 1, got 0"),
         (("oracle", "--detections", "wild"), "wild"),
         (

@@ -1,11 +1,11 @@
-"""The best of K hypotheses is the one turned least against the truth, over symmetries."""
+"""The best of K hypotheses has the least rotation error over symmetries."""
 
 import numpy as np
 
-from simpick.assets import get_part
 from simpick.geometry import Pinhole, so3_exp, transform
 from simpick.pose_eval.best_of import best_of
-from simpick.pose_eval.pose_images import PoseImage, PoseModel, PoseTruth
+from simpick.pose_eval.pose_images import PoseImage, PoseTruth, library_model
+from simpick.pose_eval.pose_sources import Answer
 from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
 
 FRAME = CameraFrame(np.zeros((8, 8, 3), np.uint8), Pinhole(8, 8, 8.0, 8.0, 4.0, 4.0), np.eye(4))
@@ -20,7 +20,7 @@ def answer(part: str, Ts: list[np.ndarray], k: int, instance: int | None = 3) ->
     detection = Detection(part, np.array([0.0, 0.0, 8.0, 8.0]), None, 1.0, instance)
     hypotheses = tuple(PoseHypothesis(T, 1.0) for T in Ts)
     estimate = PoseEstimate(part, turned(77), 0.5, "test", 0.0, hypotheses, detection)
-    (chosen,) = best_of([estimate], image, k, lambda name: PoseModel.of(get_part(name)))
+    (chosen,) = best_of(Answer(image, [estimate], 0.0), k, library_model)
     assert chosen.score == 0.5
     return chosen.T_camera_part
 

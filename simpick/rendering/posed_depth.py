@@ -1,4 +1,4 @@
-"""Depth of single parts in given poses, for VSD: each drawn in a window that just holds it."""
+"""Depth of single parts in given poses, for VSD: each rendered in a window that just encloses it."""
 
 from __future__ import annotations
 
@@ -9,41 +9,39 @@ from jaxtyping import Float, Float32, Int
 
 from simpick.assets.part import Part
 from simpick.geometry import Pinhole
-from simpick.pose_eval.pose_images import PoseModel
-from simpick.rendering import PartRenderer
+from simpick.rendering.part_views import PartRenderer
 
 _MAX_RENDERERS = 32
-"""OpenGL contexts kept open at once. Making one and drawing its first image takes longer than dozens of images, so
-mixed bins need one for each part of the library; each holds a few megabytes."""
+"""OpenGL contexts kept open at once. Making one takes longer than rendering dozens of images, so mixed bins need one
+per part of the library; each holds a few megabytes."""
 
 
 class PosedDepthRenderer:
-    """Renders parts alone in any poses, and keeps its OpenGL contexts between calls. A context manager."""
+    """Renders depth of single parts and keeps its OpenGL contexts between calls. A context manager."""
 
     def __init__(self) -> None:
         self._renderers: OrderedDict[tuple[str, str, int, int], PartRenderer] = OrderedDict()
 
     def render(
-        self, model: PoseModel, Ts_camera_part: Float[np.ndarray, "n 4 4"], camera: Pinhole
+        self, part: Part, Ts_camera_part: Float[np.ndarray, "n 4 4"], camera: Pinhole
     ) -> Float32[np.ndarray, "n height width"]:
-        """Return an image of depth for each pose, 0 beside the part; empty for poses behind the camera."""
+        """Return a depth image per pose, 0 outside the part; empty for poses behind the camera."""
         depth_m = np.zeros((len(Ts_camera_part), camera.height, camera.width), np.float32)
-        Ts_camera_rendered = Ts_camera_part @ model.T_part_rendered
-        ahead = np.flatnonzero(np.isfinite(Ts_camera_rendered).all((1, 2)) & (Ts_camera_rendered[:, 2, 3] > 0))
-        radius_m = float(np.linalg.norm(model.rendered.mesh.vertices, axis=-1).max())
-        corners, (width, height) = _windows(Ts_camera_rendered[ahead, :3, 3], radius_m, camera)
+        ahead = np.flatnonzero(np.isfinite(Ts_camera_part).all((1, 2)) & (Ts_camera_part[:, 2, 3] > 0))
+        radius_m = float(np.linalg.norm(part.mesh.vertices, axis=-1).max())
+        corners, (width, height) = _windows(Ts_camera_part[ahead, :3, 3], radius_m, camera)
         size, image = np.array([width, height]), np.array([camera.width, camera.height])
         near_image = (corners + size > 0).all(1) & (corners < image).all(1)
         seen, corners = ahead[near_image], corners[near_image]
         if len(seen) == 0:
             return depth_m
-        # Moved into the image, the window holds all of the part that the image holds.
+        # Moved into the image, the window still encloses the part inside the image.
         corners = np.clip(corners, 0, image - size)
         windows = [
             Pinhole(width, height, camera.fx, camera.fy, camera.cx - float(x), camera.cy - float(y)) for x, y in corners
         ]
-        renderer = self._renderer(model.rendered, camera)
-        views = renderer.render(Ts_camera_rendered[seen], windows, rgb=False).depth_m
+        renderer = self._renderer(part, camera)
+        views = renderer.render(Ts_camera_part[seen], windows, rgb=False).depth_m
         for k, (x, y), view in zip(seen, corners, views, strict=True):
             depth_m[k, y : y + height, x : x + width] = view
         return depth_m
@@ -72,10 +70,10 @@ class PosedDepthRenderer:
 def _windows(
     centres_m: Float[np.ndarray, "n 3"], radius_m: float, camera: Pinhole
 ) -> tuple[Int[np.ndarray, "n 2"], tuple[int, int]]:
-    """Return the left upper corners of windows that hold spheres at `centres_m`, and the windows' common size.
+    """Return the upper left corners of windows that enclose spheres at `centres_m`, and the windows' common size.
 
     A point of a sphere with centre (X, Y, Z) and radius r projects at most f r (1 + |X| / Z) / (Z - r) from the
-    projected centre along x, and likewise along y. Spheres that reach the camera get the whole image.
+    projected centre along x, and likewise along y. Spheres that enclose the camera get the whole image.
     """
     image = np.array([camera.width, camera.height])
     z = centres_m[:, 2:]
