@@ -1,6 +1,6 @@
 from .library import get_part as get_part
-from .library import library_part_names as library_part_names
 from .library import part_names as part_names
+from .library_parts import library_part_names as library_part_names
 from .part import Material as Material
 from .part import Part as Part
 from .random_parts import random_part as random_part

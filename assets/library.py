@@ -1,64 +1,20 @@
-"""The part library: names, and `get_part`, which takes a name or a path to a mesh file."""
+"""`get_part`: a part by its name or by a path to a mesh file."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache, lru_cache
 from pathlib import Path
 
-from simpick.assets import brackets, fasteners, fittings, mechanics, mouldings, user_parts
+from simpick.assets import user_parts
+from simpick.assets.library_parts import BUILDERS
 from simpick.assets.part import Part
 from simpick.assets.random_parts import random_part, seed_from_name
 from simpick.errors import UnknownPartError
 
-_BUILDERS: dict[str, Callable[[], Part]] = {
-    build.__name__: build
-    for build in (
-        fasteners.hex_bolt,
-        fasteners.hex_nut,
-        fasteners.socket_screw,
-        fasteners.wing_nut,
-        fasteners.eye_bolt,
-        fasteners.clevis_pin,
-        fasteners.bushing,
-        fittings.pipe_tee,
-        fittings.pipe_elbow,
-        fittings.hub_flange,
-        fittings.tri_flange,
-        fittings.hose_barb,
-        brackets.l_bracket,
-        brackets.z_bracket,
-        brackets.clevis_fork,
-        brackets.pillow_block,
-        brackets.hinge_leaf,
-        brackets.crane_hook,
-        mechanics.connecting_rod,
-        mechanics.spur_gear,
-        mechanics.keyed_shaft,
-        mechanics.crank_arm,
-        mechanics.vee_pulley,
-        mouldings.star_knob,
-        mouldings.snap_clip,
-        mouldings.sensor_housing,
-        mouldings.cable_clip,
-        mouldings.terminal_block,
-    )
-}
-
-
-def library_part_names() -> list[str]:
-    """Return the names of the parts that come with simpick, sorted."""
-    return sorted(_BUILDERS)
-
 
 def part_names() -> list[str]:
     """Return the names that `get_part` takes, sorted: the library's and those that the user added."""
-    return sorted({*_BUILDERS, *user_parts.user_part_names()})
-
-
-def is_reserved_name(name: str) -> bool:
-    """Return whether a user's part may not take this name."""
-    return name in _BUILDERS or seed_from_name(name) is not None
+    return sorted({*BUILDERS, *user_parts.user_part_names()})
 
 
 def get_part(name_or_path: str | Path) -> Part:
@@ -69,7 +25,7 @@ def get_part(name_or_path: str | Path) -> Part:
     Raises `UnknownPartError`, which lists the names, and `MeshError` for a file that cannot become a part.
     """
     name = str(name_or_path)
-    if name in _BUILDERS:
+    if name in BUILDERS:
         return _library_part(name)
     if (seed := seed_from_name(name)) is not None:
         return random_part(seed)
@@ -84,7 +40,7 @@ def get_part(name_or_path: str | Path) -> Part:
 
 @cache
 def _library_part(name: str) -> Part:
-    return _BUILDERS[name]()
+    return BUILDERS[name]()
 
 
 # The time stamps are only keys: a file that was replaced is read again.

@@ -18,6 +18,7 @@ from annotated_types import Interval
 
 from simpick.assets.cad_files import SUFFIXES, read_cad
 from simpick.assets.convex_pieces import convex_pieces
+from simpick.assets.library_parts import is_reserved_name
 from simpick.assets.part import Material, Part
 from simpick.assets.symmetry_detection import detect_symmetries
 from simpick.assets.units import Unit, choose_unit
@@ -147,8 +148,6 @@ def add_user_part(
     Everything that can go wrong with the file goes wrong here. Raises `MeshError`, and `ConfigError` if the name is
     taken by a library part, or by a registered one unless `replace`.
     """
-    from simpick.assets.library import is_reserved_name
-
     source, settings = Path(path), settings or CadSettings()
     name = checked_name(name) if name is not None else name_from_path(source)
     if is_reserved_name(name):
@@ -187,8 +186,6 @@ def remove_user_part(name: str) -> Path:
     Raises `ConfigError` for a library part, `UnknownNameError` if no part was registered under that name, and
     `OutputError` if the folder cannot be written.
     """
-    from simpick.assets.library import is_reserved_name
-
     added = user_part_names()
     if is_reserved_name(name):
         raise ConfigError(

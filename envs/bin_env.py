@@ -9,7 +9,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from simpick.assets.library import get_part, library_part_names
+from simpick.assets import get_part, library_part_names
 from simpick.assets.robots.registry import get_robot
 from simpick.errors import ConfigError
 from simpick.records import CameraFrame, InstanceTruth

@@ -131,7 +131,7 @@ class Evaluate(Config):
         return 0
 
     def _run_bins(self) -> int:
-        from simpick.assets.library import get_part, library_part_names
+        from simpick.assets import get_part, library_part_names
         from simpick.bop import BopWriter, write_detections
         from simpick.pose_eval.bin_images import bin_images, export_bin
         from simpick.pose_eval.pose_evaluation import PoseEvaluator, score_images

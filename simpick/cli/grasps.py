@@ -28,7 +28,7 @@ class GraspsShow:
 
     def run(self) -> int:
         """Print the table; parts that are new to the cache take some seconds each."""
-        from simpick.assets.library import get_part, library_part_names
+        from simpick.assets import get_part, library_part_names
         from simpick.grasping import verified_grasps
         from simpick.grasping.coverage import resting_coverage
         from simpick.terminal import Console, narrow_table
@@ -58,8 +58,8 @@ class GraspsBuild(Config):
 
     def run(self) -> int:
         """Write ``assets/grasps/*.npz``."""
+        from simpick.assets import library_part_names
         from simpick.assets.grippers.registry import GRIPPERS
-        from simpick.assets.library import library_part_names
         from simpick.terminal import Console
         from simpick.workers import UNLIMITED, WorkerPool
 

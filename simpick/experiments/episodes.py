@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from simpick.assets.library import library_part_names
+from simpick.assets import library_part_names
 from simpick.assets.part import Part
 from simpick.envs.bin_pick import BinPickEnv
 from simpick.envs.observations import frame_from_observation

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from importlib.metadata import version
 from typing import Any
 
-from simpick.assets.library import get_part, library_part_names
+from simpick.assets import get_part, library_part_names
 from simpick.caching import cache_key
 from simpick.estimators.registry import ORACLE, find_estimator
 from simpick.experiments.config import CellConfig, RunConfig

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from simpick.assets import get_part, library_part_names, part_names
 from simpick.assets.csg import to_manifold, union
-from simpick.assets.library import get_part, library_part_names, part_names
 from simpick.assets.mjcf import add_part
 from simpick.assets.random_parts import random_part
 from simpick.assets.surface import SurfaceDistance

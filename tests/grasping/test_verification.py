@@ -3,7 +3,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from simpick.assets.library import get_part, library_part_names
+from simpick.assets import get_part, library_part_names
 from simpick.errors import UnknownNameError
 from simpick.geometry.transforms import transform
 from simpick.grasping import verified_grasps

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from simpick.assets.library import get_part, is_reserved_name, library_part_names
+from simpick.assets.library import get_part
+from simpick.assets.library_parts import is_reserved_name, library_part_names
 from simpick.assets.random_parts import random_part, seed_from_name
 from simpick.errors import ConfigError
 from simpick.geometry import invert, transform_points
