@@ -1,4 +1,4 @@
-"""The two protocols that perception is made of; third parties add theirs as ``simpick.estimators`` entry points."""
+"""Protocols of perception: detectors, pose estimators and refiners. `registry` says how other packages add theirs."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
 
 if TYPE_CHECKING:
-    # Loads trimesh, which the names of estimators must not.
+    # Loads trimesh, which listing the names of estimators must not.
     from simpick.assets.part import Part
 
 
@@ -30,27 +30,27 @@ class PoseEstimator(Protocol):
         ...
 
     def estimate(self, frame: CameraFrame, detections: Sequence[Detection]) -> list[PoseEstimate]:
-        """Return one estimate for each detection that the estimator can answer, in the detections' order.
+        """Return one estimate per detection that the estimator can answer, in the detections' order.
 
-        A detection it cannot answer (an empty mask, say) has no estimate; match by `PoseEstimate.detection`.
+        Others, such as those with an empty mask, get none; `PoseEstimate.detection` says which detection is meant.
         """
         ...
 
 
 @runtime_checkable
 class BatchPoseEstimator(PoseEstimator, Protocol):
-    """A `PoseEstimator` that answers the detections of several frames at once, for less than one by one."""
+    """A `PoseEstimator` that estimates several frames in one batch, faster than one by one."""
 
     def estimate_batch(
         self, frames: Sequence[CameraFrame], detections: Sequence[Sequence[Detection]]
     ) -> list[list[PoseEstimate]]:
-        """Return for each frame what `estimate` returns for its detections."""
+        """Return the estimates for the detections of each frame, as `estimate` does."""
         ...
 
 
 @runtime_checkable
 class PoseRefiner(Protocol):
-    """Improves poses that are roughly known."""
+    """Improves approximate poses."""
 
     def onboard(self, part: Part) -> None:
         """Prepare for a part; cached on disk by `Part.content_hash`."""
@@ -62,10 +62,10 @@ class PoseRefiner(Protocol):
         detections: Sequence[Detection],
         hypotheses: Sequence[Sequence[PoseHypothesis]],
     ) -> list[tuple[PoseHypothesis, ...]]:
-        """Return for each detection its refined hypotheses in this frame's camera, best first.
+        """Return the refined hypotheses of each detection in this frame's camera, best first.
 
-        `hypotheses` holds for each detection those to start from, in the same camera. A detection that cannot be
-        refined gets none.
+        `hypotheses` are those to start from, per detection and in the same camera. A detection that cannot be refined
+        gets none.
         """
         ...
 
@@ -73,7 +73,7 @@ class PoseRefiner(Protocol):
 def estimate_frames(
     estimator: PoseEstimator, frames: Sequence[CameraFrame], detections: Sequence[Sequence[Detection]]
 ) -> list[list[PoseEstimate]]:
-    """Return the estimates for each frame's detections: in one batch where the estimator can, else frame by frame."""
+    """Return the estimates for each frame's detections: in one batch if the estimator can, else frame by frame."""
     if isinstance(estimator, BatchPoseEstimator):
         return estimator.estimate_batch(frames, detections)
     return [estimator.estimate(frame, found) for frame, found in zip(frames, detections, strict=True)]

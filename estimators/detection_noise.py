@@ -1,4 +1,4 @@
-"""How detections fall short of the truth: missed and merged instances, ragged masks, boxes that are off."""
+"""Errors of detections: missed and merged instances, ragged masks, inaccurate boxes."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ from simpick.config import Config, Fraction
 from simpick.errors import UnknownNameError
 
 _GROWN_BOX_PX = 8
-"""Room around a mask for its ragged outline."""
+"""Margin around a mask for its ragged outline."""
 
 
 @dataclass(frozen=True)
 class DetectionNoise(Config):
-    """What goes wrong, and how often. All zero: nothing."""
+    """Kinds of errors, with their rates and sizes; none by default."""
 
     miss: Fraction = 0.0
-    """Chance that an instance is not detected."""
+    """Probability that an instance is not detected."""
     merge: Fraction = 0.0
-    """Chance that an instance's mask swallows the instance it touches most, which is then not detected itself."""
+    """Probability that an instance's mask includes the instance it touches most, which is then not detected itself."""
     ragged_px: Annotated[float, Interval(ge=0, le=_GROWN_BOX_PX / 2)] = 0.0
-    """By how much the mask's outline wanders in and out, in pixels (standard deviation)."""
+    """Standard deviation of the mask's outline, inwards and outwards, in pixels."""
     box_jitter: Annotated[float, Interval(ge=0, le=0.25)] = 0.0
-    """By how much each edge of the box is off, as a share of the box's side (standard deviation)."""
+    """Standard deviation of each edge of the box, as a fraction of the box's side."""
 
 
 DETECTION_PRESETS = {
     "perfect": DetectionNoise(),
     "realistic": DetectionNoise(miss=0.05, merge=0.05, ragged_px=1.5, box_jitter=0.03),
 }
-"""Named presets; which one a figure used always stands beside the figure."""
+"""Named presets; every reported figure names the one it used."""
 
 
 def detection_noise(preset: str) -> DetectionNoise:
-    """Return a preset; raises UnknownNameError with those that exist."""
+    """Return a preset by name; raises UnknownNameError."""
     if preset not in DETECTION_PRESETS:
         raise UnknownNameError("detection preset", preset, DETECTION_PRESETS)
     return DETECTION_PRESETS[preset]
@@ -51,21 +51,21 @@ def miss_and_merge(
     noise: DetectionNoise,
     rng: np.random.Generator,
 ) -> dict[int, tuple[int, ...]]:
-    """Return which instances each detection's mask covers, its own first, by the detection's instance.
+    """Return the instances that each detection's mask covers, its own first, by the detection's instance.
 
-    Draws two numbers for each of `found` whatever the noise is, so that a change of one chance leaves the other alone.
+    Always draws two numbers per instance of `found`, so that changing one probability does not affect the other draw.
     """
     chances = rng.random((len(found), 2))
     covers: dict[int, tuple[int, ...]] = {int(k): (int(k),) for k in found}
-    swallowed: set[int] = set()
+    absorbed: set[int] = set()
     for k, (_, merge) in zip(found.tolist(), chances, strict=True):
-        if merge < noise.merge and k not in swallowed:
-            neighbour = _touched_most(instances, k, swallowed | {j for j, c in covers.items() if len(c) > 1})
+        if merge < noise.merge and k not in absorbed:
+            neighbour = _touched_most(instances, k, absorbed | {j for j, c in covers.items() if len(c) > 1})
             if neighbour is not None:
                 covers[k] += (neighbour,)
-                swallowed.add(neighbour)
+                absorbed.add(neighbour)
     missed = {k for k, (miss, _) in zip(found.tolist(), chances, strict=True) if miss < noise.miss}
-    return {k: c for k, c in covers.items() if k not in swallowed and k not in missed}
+    return {k: c for k, c in covers.items() if k not in absorbed and k not in missed}
 
 
 def _touched_most(instances: Int[np.ndarray, "height width"], instance: int, excluded: set[int]) -> int | None:
@@ -81,7 +81,7 @@ def _touched_most(instances: Int[np.ndarray, "height width"], instance: int, exc
 def ragged(
     mask: Bool[np.ndarray, "height width"], deviation_px: float, rng: np.random.Generator
 ) -> Bool[np.ndarray, "height width"]:
-    """Return the mask with its outline moved by a smooth random field, in and out alike; holes are outlines too."""
+    """Return the mask with its outlines, those of holes too, moved in and out by a smooth random field."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if deviation_px == 0 or len(rows) == 0:
         return mask

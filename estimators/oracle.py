@@ -1,4 +1,4 @@
-"""The oracle: true poses, optionally blurred by calibrated noise. The upper bound that every mode is held against."""
+"""The oracle: true poses, optionally with calibrated noise. The upper bound that every mode is compared with."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MEDIAN_OF_CHI3 = 1.5381722544550522
 
 @dataclass(frozen=True)
 class PoseNoise(Config):
-    """Gaussian pose noise, named by what it does: the *median* error it causes."""
+    """Gaussian pose noise, specified by the *median* error that it causes."""
 
     rotation_deg: NonNegativeFloat = 0.0
     """Median rotation error in degrees, about an axis in a uniformly random direction."""
@@ -30,14 +30,14 @@ class PoseNoise(Config):
 
     @property
     def is_zero(self) -> bool:
-        """Return whether poses stay as they are."""
+        """Return whether poses stay unchanged."""
         return self.rotation_deg == 0 and self.translation_mm == 0
 
     def apply(self, T_a_part: Float[np.ndarray, "4 4"], rng: np.random.Generator) -> Float[np.ndarray, "4 4"]:
-        """Return the pose turned about the part's origin and shifted; draws six numbers from `rng` in any case."""
-        turn, shift = rng.normal(size=(2, 3)) / MEDIAN_OF_CHI3
+        """Return the pose rotated about the part's origin and shifted; always draws six numbers from `rng`."""
+        rotation, shift = rng.normal(size=(2, 3)) / MEDIAN_OF_CHI3
         noisy = T_a_part.copy()
-        noisy[:3, :3] = so3_exp(np.radians(self.rotation_deg) * turn) @ T_a_part[:3, :3]
+        noisy[:3, :3] = so3_exp(np.radians(self.rotation_deg) * rotation) @ T_a_part[:3, :3]
         noisy[:3, 3] += 1e-3 * self.translation_mm * shift
         return noisy
 
@@ -51,10 +51,10 @@ class OracleEstimator:
         noise: PoseNoise | None = None,
         rng: np.random.Generator | None = None,
     ) -> None:
-        """Take the truth from `truth()` at each call, such as ``env.unwrapped.truth``.
+        """Take a function that returns the present truth, such as ``env.unwrapped.truth``.
 
         Raises:
-            ConfigError: noise is asked for without a generator to draw it from.
+            ConfigError: there is noise, but no generator to draw it from.
         """
         self._truth = truth
         self._noise = noise or PoseNoise()
@@ -66,7 +66,7 @@ class OracleEstimator:
         """Do nothing: the truth needs no templates."""
 
     def estimate(self, frame: CameraFrame, detections: Sequence[Detection]) -> list[PoseEstimate]:
-        """Return the true pose of each detection that names its instance; others get no estimate."""
+        """Return the true pose of each detection with an instance id; others get no estimate."""
         start = time.perf_counter()
         truth = {t.instance: t for t in self._truth()}
         T_camera_world = invert(frame.T_world_camera)
@@ -83,7 +83,7 @@ class OracleEstimator:
 
 
 class OracleRefiner:
-    """Returns true poses with `noise` added, whatever it starts from: what no refiner can beat. A `PoseRefiner`."""
+    """Returns true poses with `noise` added: the upper bound of refiners. Implements `PoseRefiner`."""
 
     def __init__(
         self,
@@ -91,7 +91,7 @@ class OracleRefiner:
         noise: PoseNoise | None = None,
         rng: np.random.Generator | None = None,
     ) -> None:
-        """Take what `OracleEstimator` takes."""
+        """Take the arguments of `OracleEstimator`."""
         self._oracle = OracleEstimator(truth, noise, rng)
 
     def onboard(self, part: Part) -> None:
@@ -100,7 +100,7 @@ class OracleRefiner:
     def refine(
         self, frame: CameraFrame, detections: Sequence[Detection], hypotheses: Sequence[Sequence[PoseHypothesis]]
     ) -> list[tuple[PoseHypothesis, ...]]:
-        """Return the true pose of each detection that names its instance, nothing for others."""
+        """Return the true pose of each detection with an instance id, none for others."""
         found = {
             id(e.detection): PoseHypothesis(e.T_camera_part, 1.0) for e in self._oracle.estimate(frame, detections)
         }

@@ -78,11 +78,11 @@ def _near(
     rotation_deg: float,
     translation_m: float,
 ) -> list[bool]:
-    """Return to which of the leaders a pose is near."""
+    """Return for each leader whether a pose is near it."""
     Ts = np.broadcast_to(T, Ts_leader.shape)
     # A symmetry about an axis beside the origin moves the origin too.
     equivalent = symmetries.closest_equivalent(Ts, Ts_leader)
     angle_deg = np.degrees(symmetries.rotation_distance(Ts[:, :3, :3], Ts_leader[:, :3, :3]))
     distance_m = np.linalg.norm(equivalent[:, :3, 3] - Ts_leader[:, :3, 3], axis=-1)
-    # A little more than rounding, so that equal poses are near with limits of zero.
+    # Margins above rounding errors, so that equal poses are near even with limits of zero.
     return ((angle_deg <= rotation_deg + 1e-5) & (distance_m <= translation_m + 1e-9)).tolist()

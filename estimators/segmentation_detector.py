@@ -15,10 +15,10 @@ from simpick.records import CameraFrame, Detection
 
 
 class SegmentationDetector:
-    """Returns every instance that is seen, as `noise` lets it. Implements `Detector`.
+    """Returns every visible instance, subject to `noise`. Implements `Detector`.
 
     Boxes are modal: they enclose the visible pixels. The score is the visible area relative to the largest, so that
-    what lies on top comes first.
+    parts on top come first.
     """
 
     def __init__(
@@ -31,8 +31,8 @@ class SegmentationDetector:
     ) -> None:
         """Take the name of each instance's part from `instance_parts`, by instance number.
 
-        `noise` is a `DetectionNoise` or the name of a preset. A function instead of a sequence is asked at each call,
-        for scenes that change. Instances with fewer visible pixels than `min_visible_px` are not detected.
+        `noise` is a `DetectionNoise` or the name of a preset. `instance_parts` may be a function, which is called for
+        every frame. Instances with fewer visible pixels than `min_visible_px` are not detected.
 
         Raises:
             UnknownNameError: there is no such preset.

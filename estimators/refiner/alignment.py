@@ -2,7 +2,7 @@
 
 The six parameters are a rotation vector (rad, in the crop's frame, about the part's origin), a shift of the origin's
 projection (in units of the focal length) and the logarithm of the origin's depth. A rendered map M moves with the
-surface that it shows: ``dM = -grad M . du``, where du is how the surface point's projection moves.
+surface that it shows: ``dM = -grad M . du``, where du is the motion of the surface point's projection.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from simpick.geometry import so3_exp
 from simpick.tensor_record import TensorRecord
 
 _LIGHT_ROUNDS = 2
-"""Rounds of reweighting when the light is fitted."""
+"""Rounds of reweighting in the fit of the light."""
 _LIGHT_RIDGE = 3e-3
-"""How strongly the fitted light is held to an even one, as a share of the pixels' own say."""
+"""Strength of the prior for ambient light only, relative to the pixels' weight."""
 
 
 @dataclass(frozen=True, eq=False)
 class Target(TensorRecord):
-    """Maps of the image to align with, one row a crop; the same all through a level."""
+    """Maps of the image to align with, one row per crop; they stay the same throughout a level."""
 
     brightness: Float[Tensor, "n size size"]
     mask: Float[Tensor, "n size size"]
@@ -39,7 +39,7 @@ class Target(TensorRecord):
     focal_px: Float[Tensor, "n"]
     blur_px: float
     stride: int
-    """Residuals stand at the centres of blocks this many pixels wide."""
+    """Residuals are taken at the centres of blocks this many pixels wide."""
 
     @staticmethod
     def of(
@@ -50,26 +50,26 @@ class Target(TensorRecord):
         blur_px: float,
         stride: int = 1,
     ) -> Target:
-        """Return the target that these maps of the image make."""
+        """Return the target of these maps of the image."""
         core = eroded((mask > 0.5).float())
         return Target(brightness, mask, trust, core, blur(core, blur_px, stride), focal_px, blur_px, stride)
 
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """How well n hypotheses fit, and where to go from there."""
+    """How well n hypotheses fit, and the normal equations of their next step."""
 
     cost: Float[Tensor, "n"]
-    """Robust misfit: what Gauss-Newton lowers."""
+    """Robust misfit, which Gauss-Newton minimises."""
     misfit: Float[Tensor, "n"]
-    """Mean robust misfit over mask and silhouette in [0, 1], with a part of the mask that is not covered counted as
-    wrong: what ranks hypotheses of one detection."""
+    """Mean robust misfit over mask and silhouette in [0, 1]; uncovered parts of the mask count as wrong. It ranks the
+    hypotheses of one detection."""
     hessian: Float[Tensor, "n 6 6"]
     gradient: Float[Tensor, "n 6"]
 
 
 def align(target: Target, rendered: RenderedMaps, centres: Float[Tensor, "n 2"], config: RefinerConfig) -> Alignment:
-    """Compare; `centres` is where the part's origin projects to, in units of the focal length from the middle."""
+    """Compare; `centres` are projections of the part's origin, in units of the focal length from the middle."""
     trust, stride = target.trust, target.stride
     covered = rendered.silhouette
     f = target.focal_px[:, None, None]
@@ -91,14 +91,14 @@ def align(target: Target, rendered: RenderedMaps, centres: Float[Tensor, "n 2"],
     near, blurred_silhouette, missed, edge_x, edge_y, share, seen = blurred[:7]
     shown = blurred[7:].transpose(0, 1)  # (n, 3, coarse, coarse)
 
-    # Silhouettes: blurred difference where it can be trusted. Beyond the silhouette, the depth of the nearest rim.
+    # Silhouettes: blurred difference where it can be trusted. Beyond the silhouette, depth is that of the nearest edge.
     extended = near / blurred_silhouette.clamp_min(1e-4)
     flow_x, flow_y = projection_jacobian(extended, centres, target.focal_px, stride)
     difference = missed / config.silhouette_scale
     to_flow = f / config.silhouette_scale
     J_silhouette = -((edge_x * to_flow)[:, None] * flow_x + (edge_y * to_flow)[:, None] * flow_y)
 
-    # Brightness: a linear function of the surface normal, fitted anew to every hypothesis.
+    # Brightness: a linear function of the surface normal, fitted to each hypothesis.
     light = fit_light(share, shown, seen, config.shading_scale)
     lit = torch.einsum("nk,nkij->nij", light[:, 1:], shown)
     shading = (light[:, 0, None, None] * share + lit - seen) / config.shading_scale
@@ -112,7 +112,7 @@ def align(target: Target, rendered: RenderedMaps, centres: Float[Tensor, "n 2"],
     weight = config.shading_weight
     H_s, g_s, cost_s, _ = _normal_equations(difference, J_silhouette)
     H_b, g_b, cost_b, robust_b = _normal_equations(shading, J_shading)
-    # What of the mask the rendering leaves bare, or covers with its rim only, explains no brightness.
+    # Pixels of the mask that the rendering leaves uncovered, or covers with its edge only, explain no brightness.
     mask_blocks = target.mask.sum(dim=(1, 2)).clamp_min(1.0) / stride**2
     bare = (target.blurred_core - share).clamp_min(0).sum(dim=(1, 2))
     shading_misfit = ((robust_b * share).sum(dim=(1, 2)) + bare) / mask_blocks
@@ -127,10 +127,10 @@ def projection_jacobian(
     focal_px: Float[Tensor, "n"],
     stride: int = 1,
 ) -> tuple[Float[Tensor, "n 6 size size"], Float[Tensor, "n 6 size size"]]:
-    """Return how the surface point at each pixel moves with each parameter, along x and y, over the focal length.
+    """Return the motion of the surface point at each pixel per parameter, along x and y, over the focal length.
 
     With Q the nearness (origin depth over surface depth), x, y the pixel and x0, y0 the origin's projection, all over
-    the focal length: every column is linear in Q. The map's own pixels are `stride` pixels wide.
+    the focal length: every column is linear in Q. A pixel of the map is `stride` pixels wide.
     """
     size = nearness.shape[-1]
     px, py = (stride * offsets for offsets in pixel_offsets(size))
@@ -146,7 +146,7 @@ def projection_jacobian(
 
 
 def moved(Ts_crop_part: Float[np.ndarray, "n 4 4"], steps: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "n 4 4"]:
-    """Return the poses after these changes of the six parameters."""
+    """Return the poses after these steps of the six parameters."""
     out = Ts_crop_part.copy()
     out[:, :3, :3] = so3_exp(steps[:, :3]) @ Ts_crop_part[:, :3, :3]
     depth = Ts_crop_part[:, 2, 3]
@@ -162,18 +162,18 @@ def fit_light(
     seen: Float[Tensor, "n size size"],
     scale: float,
 ) -> Float[Tensor, "n 4"]:
-    """Return ambient and directional light that explain the brightness seen best, by reweighted least squares."""
+    """Return the ambient and directional light that best explain the image, by reweighted least squares."""
     A = torch.cat([share[:, None], shown], dim=1).flatten(2)  # (n, 4, pixels)
     y = seen.flatten(1)
     weights = torch.ones_like(y)
     light = y.new_zeros(len(y), 4)
     pixels = share.square().sum(dim=(1, 2)).clamp_min(1e-3)
-    even = torch.tensor([1.0, 0.0, 0.0, 0.0])
+    ambient = torch.tensor([1.0, 0.0, 0.0, 0.0])
     ridge = _LIGHT_RIDGE * pixels[:, None, None] * torch.eye(4)
     for _ in range(_LIGHT_ROUNDS):
         weighted = A * weights[:, None]
         M = weighted @ A.transpose(1, 2) + ridge
-        v = (weighted @ y[..., None])[..., 0] + ridge @ even
+        v = (weighted @ y[..., None])[..., 0] + ridge @ ambient
         light = torch.linalg.solve(M, v)
         residual = (torch.einsum("nk,nkp->np", light, A) - y) / scale
         weights = 1 / (1 + residual.square()).square()

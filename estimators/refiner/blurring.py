@@ -1,4 +1,4 @@
-"""Gaussian blur of many small maps at once: blocks of pixels are averaged, then two products with a matrix follow."""
+"""Gaussian blur of many small maps: averages over blocks of pixels, then products with two matrices."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 _LEAST_DEVIATION_BLOCKS = 0.3
-"""A Gaussian narrower than this many blocks changes nothing but would make the matrix's rows ill-defined."""
+"""Minimum, in blocks. A narrower Gaussian has no effect, but its matrix would be ill-defined."""
 
 
 def blur(
@@ -17,16 +17,15 @@ def blur(
 ) -> Float[Tensor, "*batch coarse coarse"]:
     """Return square maps convolved with a Gaussian, zero beyond their borders, at the centres of blocks of pixels.
 
-    Blocks are `stride` pixels wide: what is blurred has no finer detail, and every map after it has fewer pixels.
-    The kernel is the block's box and a Gaussian over blocks, whose variances add up to that of the Gaussian asked for;
-    so the products are as small as the maps that they make.
+    Blocks are `stride` pixels wide: blurred maps have no finer detail. The kernel is the block's box and a Gaussian
+    over blocks, whose variances add up to `deviation_px` squared, so the matrices are as small as the results.
     """
     blocks = _block_means(maps, stride)
     coarse = blocks.shape[-1]
     box_variance = (stride**2 - 1) / 12
     deviation_blocks = max(deviation_px**2 - box_variance, 0.0) ** 0.5 / stride
     B = _blur_matrix(coarse, max(deviation_blocks, _LEAST_DEVIATION_BLOCKS))
-    # Two large products, because many small ones are several times slower.
+    # Two large products are several times faster than many small ones.
     along_rows = (blocks.reshape(-1, coarse) @ B.T).reshape(-1, coarse, coarse).transpose(1, 2)
     blurred = (along_rows.reshape(-1, coarse) @ B.T).reshape(-1, coarse, coarse).transpose(1, 2)
     return blurred.reshape(*maps.shape[:-2], coarse, coarse)
@@ -43,7 +42,7 @@ def central_differences(
 
 
 def eroded(maps: Float[Tensor, "*batch size size"]) -> Float[Tensor, "*batch size size"]:
-    """Return the minimum over each pixel and its eight neighbours; what lies beyond the border does not count."""
+    """Return the minimum over each pixel and its eight neighbours; pixels beyond the border do not count."""
     # Slices along rows, then columns: several times faster than torch's pooling.
     rows = maps.clone()
     torch.minimum(maps[..., 1:, :], maps[..., :-1, :], out=rows[..., 1:, :])
@@ -64,7 +63,7 @@ def _block_means(maps: Float[Tensor, "*batch size size"], stride: int) -> Float[
 
 @lru_cache(maxsize=32)
 def _blur_matrix(size: int, deviation: float) -> Float[Tensor, "size size"]:
-    places = torch.arange(size, dtype=torch.float64)
-    B = torch.exp(-0.5 * ((places[:, None] - places) / deviation) ** 2)
-    # Rows in the middle sum to 1, those at the border to less: what lies beyond counts as zero.
+    positions = torch.arange(size, dtype=torch.float64)
+    B = torch.exp(-0.5 * ((positions[:, None] - positions) / deviation) ** 2)
+    # Rows in the middle sum to 1, those at the border to less, since pixels beyond it count as zero.
     return (B / B[size // 2].sum()).float()

@@ -1,7 +1,7 @@
-"""From how well a refined pose fits to the probability that it is good enough to pick by.
+"""The probability that a refined pose is good enough to pick by, from how well it fits.
 
-A logistic regression, fitted on bins of random training parts by ``simpick refiner calibrate``, which writes it with
-what it was fitted on; what it wrote lies here as ``confidence.json``. Library parts and user CAD have no part in it.
+A logistic regression, fitted by ``simpick refiner calibrate`` on bins of random training parts, never on library parts
+or user CAD. ``confidence.json`` is its result, with a description of the data.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from simpick.records import PoseHypothesis
 SHIPPED_FILE = Path(__file__).with_name("confidence.json")
 FEATURES = ("log_score", "margin", "log_visible_px")
 GOOD_MM, GOOD_DEG = 5.0, 10.0
-"""A pose is good enough below these errors: there the jaw forgives nearly everything (``simpick sweep``)."""
+"""A pose is good enough below these errors, which the jaw tolerates in nearly all cases (``simpick sweep``)."""
 _GOOD = {"mm": GOOD_MM, "deg": GOOD_DEG}
 _WIDEST_MARGIN = 1.0
 _REMEDY = "make it again with: simpick refiner calibrate"
@@ -32,11 +32,11 @@ class Confidence:
 
     bias: float
     weights: tuple[float, ...]
-    """One for each of `FEATURES`."""
+    """One per feature of `FEATURES`."""
 
     def probability(self, features: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch"]:
         """Return the probability that a pose with these features is good."""
-        # An array also for a single pose, where NumPy would make a scalar of it.
+        # NumPy would return a scalar for a single pose.
         return np.asarray(1 / (1 + np.exp(-(self.bias + features @ np.asarray(self.weights)))))
 
 
@@ -50,10 +50,10 @@ class _Stored:
 
 
 def confidence_features(best_first: Sequence[PoseHypothesis], visible_px: int) -> Float[np.ndarray, "3"]:
-    """Return the cues of a detection's hypotheses, best first, which were refined from several starts.
+    """Return the features of a detection's refined hypotheses, which are distinct and given best first.
 
-    The margin is by how much the log score of the best exceeds that of the second distinct pose, 1 at most and where
-    all starts ended in one pose or worse ones.
+    The margin is the difference of the log scores of the best and the second pose: at most 1, and 1 if there is only
+    one.
     """
     logs = np.log([max(hypothesis.score, 1e-6) for hypothesis in best_first[:2]])
     margin = min(logs[0] - logs[1], _WIDEST_MARGIN) if len(logs) > 1 else _WIDEST_MARGIN
@@ -63,21 +63,21 @@ def confidence_features(best_first: Sequence[PoseHypothesis], visible_px: int) -
 def fit_confidence(
     features: Float[np.ndarray, "n 3"], good: Float[np.ndarray, "n"], *, ridge: float = 1.0
 ) -> Confidence:
-    """Return the logistic regression of these outcomes (0 or 1) by Newton's method, with a weak pull to zero weights.
+    """Return the logistic regression of these outcomes (0 or 1), by Newton's method with L2 regularisation.
 
     Raises:
-        ConfigError: there are fewer than 20 outcomes, or all are alike.
+        ConfigError: there are fewer than 20 outcomes, or all are the same.
     """
     if len(good) < 20 or good.min() == good.max():
         raise ConfigError(f"a calibration needs 20 poses or more, good and bad ones, got {len(good)}; take more bins")
     mean, spread = features.mean(axis=0), features.std(axis=0) + 1e-9
     X = np.column_stack([np.ones(len(good)), (features - mean) / spread])
-    pull = ridge * np.diag([0.0, *[1.0] * len(FEATURES)])
+    penalty = ridge * np.diag([0.0, *[1.0] * len(FEATURES)])
     w = np.zeros(1 + len(FEATURES))
     for _ in range(50):
         p = 1 / (1 + np.exp(-X @ w))
-        H = (X * (p * (1 - p))[:, None]).T @ X + pull
-        w -= np.linalg.solve(H, X.T @ (p - good) + pull @ w)
+        H = (X * (p * (1 - p))[:, None]).T @ X + penalty
+        w -= np.linalg.solve(H, X.T @ (p - good) + penalty @ w)
     weights = w[1:] / spread
     return Confidence(float(w[0] - weights @ mean), tuple(float(value) for value in weights))
 

@@ -1,4 +1,4 @@
-"""`RefinerConfig`: how poses are aligned, and what that costs."""
+"""`RefinerConfig`: levels and weights of the alignment."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from simpick.errors import ConfigError
 
 @dataclass(frozen=True)
 class AlignmentLevel(Config):
-    """One stage from coarse to fine."""
+    """One level of the coarse-to-fine alignment."""
 
     size_px: Annotated[int, Interval(ge=16, le=512)]
     """Width and height of the crop that is rendered and compared."""
     blur_px: Annotated[float, Ge(0.3)]
-    """Standard deviation of the Gaussian that all maps are blurred with: a wider one pulls from farther away."""
+    """Standard deviation of the Gaussian blur of all maps; more blur widens the basin of convergence."""
     iterations: PositiveInt
-    """Renderings of each hypothesis, at most."""
+    """Maximum number of renderings per hypothesis."""
     keep: PositiveInt
-    """So many of the best distinct hypotheses go on to this level."""
+    """Number of the best distinct hypotheses that enter this level."""
     stride: PositiveInt = 2
-    """Residuals stand at every so many pixels along both axes: blurred maps hold no finer detail."""
+    """Distance of residuals along both axes, in pixels: blurred maps have no finer detail."""
 
     def _check_rules(self) -> None:
         if self.blur_px > self.size_px / 4:
@@ -46,16 +46,16 @@ class RefinerConfig(Config):
     padding: Annotated[float, Interval(ge=1, le=4)] = 1.4
     """Side of the crop over the longer side of the mask's box."""
     silhouette_scale: PositiveFloat = 0.3
-    """Misfit of the blurred silhouettes, whose step is 1, at which the robust kernel lets go."""
+    """Scale of the robust kernel for differences of blurred silhouettes, which are between 0 and 1."""
     shading_scale: PositiveFloat = 0.1
-    """Misfit of the brightness, as a share of the part's mean brightness, at which the robust kernel lets go."""
+    """Scale of the robust kernel for differences of brightness, relative to the part's mean brightness."""
     shading_weight: NonNegativeFloat = 1.0
-    """Weight of brightness against silhouettes."""
+    """Weight of brightness relative to silhouettes."""
     occluder_weight: Fraction = 0.05
-    """Weight of silhouette pixels that fall on another detection, which may hide the part, against free ones."""
+    """Weight of silhouette pixels on another detection, which may hide the part, relative to free ones."""
     merge_deg: Annotated[float, Interval(ge=0, le=180)] = 4.0
-    """Refined poses closer than this, and than `merge_diameters`, are one."""
+    """Refined poses closer than this, and than `merge_diameters`, are merged."""
     merge_diameters: NonNegativeFloat = 0.05
     """See `merge_deg`; in diameters of the part."""
     renderers: PositiveInt = 16
-    """OpenGL contexts kept, one a part; parts used longest ago are closed first."""
+    """OpenGL contexts kept, one per part; the least recently used one is closed first."""

@@ -1,4 +1,4 @@
-"""Starts beside a lone hypothesis: most wrong poses are flips of a part that is nearly symmetric."""
+"""Additional starts for a single hypothesis: most wrong poses are flips of a nearly symmetric part."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from simpick.geometry import transform
 from simpick.records import PoseHypothesis
 
 _SAME_DEG, _SAME_DIAMETERS = 15.0, 0.2
-"""A flip this near to another start, over the part's symmetries, would end where that one does."""
+"""A flip this near to another start, over the part's symmetries, would converge to the same pose."""
 
 
 def with_flips(lone: PoseHypothesis, part: Part) -> tuple[PoseHypothesis, ...]:
-    """Return the hypothesis, then its half turns about the three axes of the part's box, as far as they differ.
+    """Return the hypothesis, then its half turns about the axes of the part's bounding box, without duplicates.
 
-    The box's centre stays where it is. Flips have a score of 0, which no estimator said.
+    The box's centre stays fixed. Flips have a score of 0.
     """
     centre = part.mesh.vertices.min(axis=0) / 2 + part.mesh.vertices.max(axis=0) / 2
     flips = []

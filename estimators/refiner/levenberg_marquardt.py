@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt over a batch of poses: one rendering of each an iteration."""
+"""Levenberg-Marquardt over a batch of poses, with one rendering of each per iteration."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Minimum:
 
     Ts_crop_part: Float[np.ndarray, "n 4 4"]
     Ts_ahead: Float[np.ndarray, "n 4 4"]
-    """Where a next iteration would look: most often nearer still, but not evaluated."""
+    """The poses of the next iteration, which was not evaluated: mostly better still."""
     cost: Float[np.ndarray, "n"]
     misfit: Float[np.ndarray, "n"]
 
@@ -34,10 +34,10 @@ def minimise(
     evaluate: Callable[[Float[np.ndarray, "m 4 4"], Float[np.ndarray, "m"]], Alignment],
     iterations: int,
 ) -> Minimum:
-    """Lower each pose's cost by at most this many evaluations of it.
+    """Minimise each pose's cost with at most this many evaluations.
 
-    ``evaluate(poses, rows)`` renders and compares the poses of these rows. A step that raises the cost is taken back
-    and tried again with more damping (Marquardt's scaling by the Hessian's diagonal).
+    ``evaluate(poses, rows)`` renders and compares the poses of these rows. A step that raises the cost is undone
+    and repeated with more damping (Marquardt's scaling by the Hessian's diagonal).
     """
     n = len(Ts_crop_part)
     best = Ts_crop_part.copy()
@@ -57,7 +57,7 @@ def minimise(
         damping[accepted] = np.maximum(damping[accepted] / 4, _LEAST_DAMPING)
         damping[rows[~better]] *= 8
         steps = _damped_steps(H[rows], g[rows], damping[rows])
-        rows, steps = _going_on(rows, steps, damping)
+        rows, steps = _unfinished(rows, steps, damping)
         if len(rows) == 0:
             break
         trial[rows] = moved(best[rows], steps)
@@ -67,9 +67,9 @@ def minimise(
 def _damped_steps(
     H: Float[np.ndarray, "n 6 6"], g: Float[np.ndarray, "n 6"], damping: Float[np.ndarray, "n"]
 ) -> Float[np.ndarray, "n 6"]:
-    """Solve for the steps, none longer than what the linearisation can bear."""
+    """Solve for the steps, limited to the range in which the linearisation holds."""
     diagonal = np.einsum("nii->ni", H)
-    # A floor, because a parameter without any say (a revolution about the axis) must not move.
+    # The floor keeps parameters without influence, such as a rotation about an axis of symmetry, from moving.
     floor = 1e-6 + 1e-4 * diagonal.max(axis=1, keepdims=True)
     A = H + (damping[:, None] * diagonal + 1e-2 * floor)[:, :, None] * np.eye(6)
     steps = -np.linalg.solve(A, g[..., None])[..., 0]
@@ -78,10 +78,10 @@ def _damped_steps(
     return steps / np.maximum(np.maximum(turn, zoom), 1.0)[:, None]
 
 
-def _going_on(
+def _unfinished(
     rows: np.ndarray, steps: Float[np.ndarray, "n 6"], damping: Float[np.ndarray, "m"]
 ) -> tuple[np.ndarray, Float[np.ndarray, "k 6"]]:
-    """Return the rows whose search has not ended, with their steps."""
+    """Return the rows that have not converged, with their steps."""
     length = np.linalg.norm(steps[:, [0, 1, 2, 5]], axis=1)
     moving: Bool[np.ndarray, "n"] = (length > _CONVERGED) & (damping[rows] < _MOST_DAMPING) & np.isfinite(length)
     return rows[moving], steps[moving]

@@ -1,4 +1,4 @@
-"""`PartRenderers`: a few OpenGL renderers, one a part, kept while they are used."""
+"""`PartRenderers`: a least-recently-used cache of OpenGL renderers, one per part."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _DEPTH_ONLY = RenderQuality(shadow_map_px=0, samples=0)
 
 
 class PartRenderers:
-    """Renders depth of any onboarded part. Keeps at most `count` contexts; the part used longest ago gives way."""
+    """Renders depth of parts with at most `count` OpenGL contexts."""
 
     def __init__(self, count: int, size_px: int) -> None:
         """Render crops of at most `size_px`."""
@@ -25,12 +25,12 @@ class PartRenderers:
     def depth(
         self, part: Part, Ts_crop_part: Float[np.ndarray, "n 4 4"], cameras: VirtualCameras
     ) -> Float32[np.ndarray, "n size size"]:
-        """Return depth in metres of the part in each pose through the camera of the same row; 0 where it is not."""
+        """Return depth in metres of the part in each pose through the camera of the same row; 0 beside it."""
         pinholes = [cameras.pinhole(k) for k in range(len(cameras))]
         return self._renderer(part).render(Ts_crop_part, pinholes, rgb=False).depth_m
 
     def close(self) -> None:
-        """Free all contexts; may be called again, and rendering afterwards makes new ones."""
+        """Free all contexts; may be called repeatedly, and rendering afterwards makes new ones."""
         for renderer in self._renderers.values():
             renderer.close()
         self._renderers.clear()

@@ -1,4 +1,4 @@
-"""What the image says about each detection: brightness, mask, and where the mask's edge can be trusted."""
+"""Maps of each detection: brightness, mask, and where the mask's edge can be trusted."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ class QueryMaps:
     mask: Float[Tensor, "n size size"]
     """Share of each pixel that belongs to the detection."""
     trust: Float[Tensor, "n size size"]
-    """How much a difference of silhouettes counts here: 1 on the detection and on the background, little on other
-    detections, which may hide the part, and nothing beyond the image."""
+    """Weight of differences of silhouettes: 1 on the detection and on the background, little on other detections, which
+    may hide the part, and 0 beyond the image."""
     cameras: VirtualCameras
 
 

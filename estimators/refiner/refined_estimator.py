@@ -1,4 +1,4 @@
-"""`RefinedEstimator`: any estimator of several hypotheses, followed by the refiner."""
+"""`RefinedEstimator`: any pose estimator, followed by the refiner."""
 
 from __future__ import annotations
 
@@ -16,11 +16,10 @@ from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
 
 
 class RefinedEstimator:
-    """Refines all hypotheses of a base estimator and answers with the one that fits best. A `PoseEstimator`.
+    """Refines all hypotheses of a base estimator and returns the one that fits best. Implements `PoseEstimator`.
 
-    A lone hypothesis is tried flipped too, see `with_flips`; several are taken to differ already.
-
-    Closable, because the refiner renders.
+    A single hypothesis is also tried flipped, see `with_flips`; several are assumed to differ enough. `close` frees the
+    refiner's OpenGL contexts.
     """
 
     def __init__(
@@ -31,7 +30,7 @@ class RefinedEstimator:
         mode: str = "refined",
         confidence: Confidence | None = None,
     ) -> None:
-        """Take hypotheses from `base`, which makes several or one; `mode` is the name in the estimates.
+        """Refine the hypotheses of `base`; `mode` is the name in the estimates.
 
         With `confidence`, an estimate's score is the probability that its pose is good enough to pick by; without, it
         is the refiner's own score.
@@ -48,7 +47,7 @@ class RefinedEstimator:
         self.refiner.onboard(part)
 
     def estimate(self, frame: CameraFrame, detections: Sequence[Detection]) -> list[PoseEstimate]:
-        """Return one estimate for each detection that the base answers, with refined hypotheses, best first.
+        """Return one estimate per detection that the base answers, with refined hypotheses, best first.
 
         The hypotheses keep the refiner's scores, whatever the estimate's own is.
 
@@ -80,7 +79,7 @@ class RefinedEstimator:
         ]
 
     def _starts(self, estimate: PoseEstimate) -> Sequence[PoseHypothesis]:
-        """Return the base's hypotheses; a lone one gets rivals, as far as its part has been onboarded."""
+        """Return the base's hypotheses, and flips of a single one if its part has been onboarded."""
         own = list(estimate.hypotheses) or [PoseHypothesis(estimate.T_camera_part, estimate.score)]
         part = self._parts.get(estimate.part)
         return own if len(own) > 1 or part is None else with_flips(own[0], part)
@@ -91,7 +90,7 @@ class RefinedEstimator:
         return float(self._confidence.probability(confidence_features(best_first, visible_px(detection))))
 
     def close(self) -> None:
-        """Free the refiner's OpenGL contexts; may be called again."""
+        """Free the refiner's OpenGL contexts; may be called repeatedly."""
         self.refiner.close()
 
 

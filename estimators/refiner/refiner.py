@@ -1,4 +1,4 @@
-"""`Refiner`: aligns renderings with the image and says which hypothesis fits best. No training, no weights."""
+"""`Refiner`: aligns renderings with the image and ranks hypotheses by their fit. No training, no weights."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ _LEAST_MASK_PX = 16
 
 
 class Refiner:
-    """Moves hypotheses until the part, rendered there, looks like the image; see `alignment` for how.
+    """Improves hypotheses until renderings of the part match the image; see `alignment`.
 
-    Closable, for it keeps OpenGL contexts; a context manager too.
+    Implements `PoseRefiner`. A context manager: `close` frees its OpenGL contexts.
     """
 
     def __init__(self, config: RefinerConfig | None = None) -> None:
@@ -40,7 +40,7 @@ class Refiner:
         self._renderers = PartRenderers(self.config.renderers, max(level.size_px for level in self.config.levels))
 
     def onboard(self, part: Part) -> None:
-        """Remember the part; its renderer is made when it is first needed."""
+        """Register the part; its renderer is made when it is first needed."""
         self._parts[part.name] = part
 
     def refine(
@@ -51,9 +51,9 @@ class Refiner:
     ) -> list[tuple[PoseHypothesis, ...]]:
         """Return each detection's refined hypotheses, best first, near-identical ones merged.
 
-        Scores are in (0, 1]: exp(-misfit / 0.35). A detection without hypotheses, or with too small a mask to compare
-        (16 px, or a single line of them), is answered by its hypotheses as they came, as are poses that are not finite
-        or behind the camera.
+        Scores are in (0, 1]: exp(-misfit / 0.35). Hypotheses that are not rotation matrices, not finite, or behind the
+        camera are ignored. A detection without sound hypotheses, or with a mask of fewer than 16 pixels or a single
+        line of them, gets its hypotheses back unchanged.
 
         Raises:
             ConfigError: there are not as many lists of hypotheses as detections, or a mask is not of the image's size.
@@ -75,7 +75,7 @@ class Refiner:
         return answers
 
     def close(self) -> None:
-        """Free the OpenGL contexts; may be called again."""
+        """Free the OpenGL contexts; may be called repeatedly."""
         self._renderers.close()
 
     def __enter__(self) -> Refiner:
@@ -109,7 +109,7 @@ class Refiner:
             for level in self.config.levels
         ]
         answers: list[tuple[PoseHypothesis, ...]] = [()] * len(rows)
-        # Part by part through all levels, so that more parts than renderers do not open each of them at every level.
+        # Part by part through all levels, so that no renderer is opened again at each level if there are many parts.
         for part in dict.fromkeys(parts):
             mine = [k for k, name in enumerate(parts) if name == part]
             state = _State.of(mine, [[h.T_camera_part for h in hypotheses[k]] for k in mine])
@@ -135,7 +135,7 @@ class Refiner:
         )
 
     def _distinct(self, part: Part, state: _State) -> _State:
-        """Leave out what ended where a better hypothesis of the same detection did."""
+        """Return the hypotheses without those that converged to the pose of a better one of the same detection."""
         kept = []
         for k in np.unique(state.detection):
             mine = np.flatnonzero(state.detection == k)
@@ -154,25 +154,25 @@ class Refiner:
 
 @dataclass(frozen=True, eq=False)
 class _State(TensorRecord):
-    """All hypotheses of one part's detections between two levels."""
+    """The hypotheses of one part's detections between two levels."""
 
     detection: Int[np.ndarray, "n"]
-    """Which detection each belongs to."""
+    """Row of the detection that each belongs to."""
     Ts_camera_part: Float[np.ndarray, "n 4 4"]
     Ts_ahead: Float[np.ndarray, "n 4 4"]
-    """Where the next level begins: a step beyond `Ts_camera_part`, which costs nothing."""
+    """Where the next level begins: one step beyond `Ts_camera_part`."""
     misfit: Float[np.ndarray, "n"]
 
     @staticmethod
     def of(detections: Sequence[int], poses: Sequence[Sequence[Float[np.ndarray, "4 4"]]]) -> _State:
-        """Return the start, each detection with its poses; the order of the poses stands for their misfit."""
+        """Return the start; the order of a detection's poses stands for their misfit."""
         detection = np.repeat(np.array(detections), [len(own) for own in poses])
         order = np.concatenate([np.arange(len(own)) for own in poses])
         Ts = np.array([T for own in poses for T in own])
         return _State(detection, Ts, Ts, order.astype(float))
 
     def best(self, count: int) -> _State:
-        """Return the `count` best hypotheses of each detection, in the order that they have."""
+        """Return the `count` best hypotheses of each detection, in their present order."""
         return self.rows(np.sort(best_per_group(self.detection, self.misfit, count)))
 
 
@@ -190,7 +190,7 @@ class _LevelSearch:
     ) -> None:
         self._renderers, self._part, self._config = renderers, part, config
         self._cameras, self._detection = query.cameras, detection
-        # Of this part's detections only, of which each has several hypotheses.
+        # Maps of this part's detections only; each detection has several hypotheses.
         own, self._row = np.unique(detection, return_inverse=True)
         focal_px = torch.from_numpy(query.cameras.focal_px[own]).float()
         with torch.inference_mode():
@@ -198,7 +198,7 @@ class _LevelSearch:
             self._target = Target.of(*maps, focal_px, level.blur_px, level.stride)
 
     def evaluate(self, Ts_crop_part: Float[np.ndarray, "m 4 4"], rows: Int[np.ndarray, "m"]) -> Alignment:
-        """Return how well these poses of these rows fit."""
+        """Return how well these poses fit; `rows` says whose they are."""
         of = self._detection[rows]
         cameras = VirtualCameras(self._cameras.size_px, self._cameras.focal_px[of], self._cameras.Rs_crop_camera[of])
         depth_m = torch.from_numpy(self._renderers.depth(self._part, Ts_crop_part, cameras))
@@ -210,7 +210,7 @@ class _LevelSearch:
 
 
 def _is_sound(T_camera_part: Float[np.ndarray, "4 4"]) -> bool:
-    """Return whether a pose is finite, a rotation, and before the camera."""
+    """Return whether a pose is finite, a rotation, and in front of the camera."""
     R = T_camera_part[:3, :3]
     return bool(
         np.isfinite(T_camera_part).all() and T_camera_part[2, 3] > 0.02 and np.abs(R @ R.T - np.eye(3)).max() < 1e-3

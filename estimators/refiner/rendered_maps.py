@@ -1,4 +1,4 @@
-"""What a rendered depth image says: silhouette, inverse depth and surface normals."""
+"""Maps of a rendered depth image: silhouette, inverse depth and surface normals."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from jaxtyping import Float
 from torch import Tensor
 
 _SMOOTH = 0.25
-"""Slopes on both sides of a pixel that differ by less than this share of their sum belong to one smooth surface."""
+"""Slopes on both sides of a pixel that differ by less than this fraction of their sum belong to a smooth surface."""
 
 
 @dataclass(frozen=True, eq=False)
 class RenderedMaps:
-    """Maps of n hypotheses at their present poses."""
+    """Maps of n hypotheses in their current poses."""
 
     silhouette: Float[Tensor, "n size size"]
     """1 where the part covers the pixel's centre, else 0."""
     nearness: Float[Tensor, "n size size"]
-    """Depth of the part's origin over that of the surface: 1 at the origin's depth; 0 where the part is not."""
+    """Depth of the part's origin over that of the surface: 1 at the origin's depth; 0 beside the part."""
     normals: Float[Tensor, "n 3 size size"]
-    """Unit normals in the crop's frame that point into the part, away from the camera; 0 where the part is not."""
+    """Unit normals in the crop's frame that point into the part, away from the camera; 0 beside the part."""
 
 
 def rendered_maps(
@@ -49,11 +49,11 @@ def pixel_offsets(size: int) -> tuple[Float[Tensor, "size"], Float[Tensor, "size
 
 
 def _one_sided(nearness: Float[Tensor, "n size size"], axis: int) -> Float[Tensor, "n size size"]:
-    """Return slopes that do not reach across edges: of the smoother side; the mean of both where they agree."""
+    """Return slopes that do not cross depth edges: that of the smoother side, or the mean where both agree."""
     size = nearness.shape[axis]
     step = nearness.narrow(axis, 1, size - 1) - nearness.narrow(axis, 0, size - 1)
     inside = (nearness.narrow(axis, 1, size - 1) > 0) & (nearness.narrow(axis, 0, size - 1) > 0)
-    # A huge slope stands for "no neighbour", so that the other side is taken.
+    # A huge slope marks a missing neighbour, so that the other side is chosen.
     step = torch.where(inside, step, torch.full_like(step, 1e3))
     end = torch.full_like(nearness.narrow(axis, 0, 1), 1e3)
     before, after = torch.cat([end, step], dim=axis), torch.cat([step, end], dim=axis)

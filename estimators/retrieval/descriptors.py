@@ -1,4 +1,4 @@
-"""What two crops are compared by: where which edge directions are, and the silhouette."""
+"""Descriptors of crops: local histograms of edge directions, and the silhouette."""
 
 from __future__ import annotations
 
@@ -10,12 +10,11 @@ from torch.nn import functional as F
 CROP_PX = 64
 """Side of the crops that are described."""
 BINS = 9
-"""Edge directions, 20 degrees each; light and dark sides are not told apart, since lights differ."""
+"""Edge directions of 20 degrees each; light-to-dark and dark-to-light edges count as one, since lights differ."""
 CELL_PX = 8
 SILHOUETTE_CELLS = 16
-DIMENSIONS = BINS * (CROP_PX // CELL_PX) ** 2 + SILHOUETTE_CELLS**2
 _LUMINANCE = (0.299, 0.587, 0.114)
-# Contrast below this share of a crop's mean contrast is taken for flat.
+# Cells with less contrast than this fraction of the crop's mean count as flat.
 _FLAT = 0.1
 
 
@@ -25,11 +24,11 @@ def luminance(rgb: UInt8[Tensor, "n height width 3"]) -> Float[Tensor, "n height
 
 
 def describe(gray: Float[Tensor, "n size size"], masks: Bool[Tensor, "n size size"]) -> Float[Tensor, "n dimensions"]:
-    """Return descriptors whose dot product, in [0, 1], says how alike two crops are.
+    """Return descriptors whose dot product is the similarity of two crops, in [0, 1].
 
-    One half is a histogram of edge directions in each of 8 x 8 cells, weighted by contrast and normalised in each
-    cell (after Dalal and Triggs 2005), of pixels whose neighbours all lie in the mask: so the background has no say.
-    The other half is the mask, coarsened. Each half has unit length, over the root of 2.
+    One half is a histogram of edge directions in each of 8 x 8 cells, weighted by contrast and normalised per cell
+    (after Dalal and Triggs, CVPR 2005). Only pixels whose neighbours all lie in the mask count, so the background has
+    no influence. The other half is the mask at 16 x 16 cells. Each half has length 1 / sqrt(2).
     """
     edges = _edge_histograms(gray, masks.float())  # (n, bins, cells, cells)
     silhouette = F.adaptive_avg_pool2d(masks.float()[:, None], SILHOUETTE_CELLS)

@@ -1,4 +1,4 @@
-"""`RetrievalEstimator`: the pose of the template that looks most like the image. No training, no weights."""
+"""`RetrievalEstimator`: the pose of the template most similar to the image. No training, no weights."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ class RetrievalConfig(Config):
     turns: Annotated[int, Interval(ge=4, le=360)] = 36
     """Turns of each view about the optical axis."""
     hypotheses: Annotated[int, Interval(ge=1, le=200)] = 5
-    """How many poses are returned for each detection, best first."""
+    """Poses per detection, best first."""
     spacing_deg: Annotated[float, Interval(ge=0, le=90)] = 15.0
-    """Least angle between two hypotheses, over the part's symmetries."""
+    """Minimum angle between two hypotheses, over the part's symmetries."""
     smoothing_deg: Annotated[float, Interval(ge=0, le=90)] = 35.0
-    """A hypothesis is averaged over the templates within this angle."""
+    """A hypothesis is an average over the templates within this angle."""
     softness: PositiveFloat = 0.03
-    """How much less alike than the best a template may be to count for a third in that average."""
+    """Decrease of similarity at which a template's weight in that average falls to 1/e."""
     min_mask_px: Annotated[int, Ge(2)] = 16
-    """Detections with fewer pixels are not answered."""
+    """Detections with fewer pixels get no estimate."""
 
     def _check_rules(self) -> None:
         TemplateConfig(views=self.views)
@@ -49,9 +49,9 @@ class RetrievalConfig(Config):
 class RetrievalEstimator:
     """Finds each detection's nearest templates among all views and turns. Implements `PoseEstimator`.
 
-    Image and templates are compared in virtual-camera crops (see `simpick.geometry.crops`), so the match is a pose in
-    the crop's frame; its distance follows from how large the crop's box is. Where a part is partly hidden, the box is
-    that of what is seen, and distance and position are off accordingly.
+    Image and templates are compared in virtual-camera crops (see `simpick.geometry.crops`), so a match is a pose in the
+    crop's frame, and its distance follows from the size of the detection's box. If a part is partly hidden, the box
+    encloses only what is visible, and distance and position are wrong accordingly.
     """
 
     mode = "retrieval"
@@ -61,7 +61,7 @@ class RetrievalEstimator:
         self._indices: dict[str, tuple[str, TemplateIndex]] = {}
 
     def onboard(self, part: Part, *, progress: Callable[[int, int], None] | None = None) -> None:
-        """Render and describe the part's templates, or take them from the cache: seconds, or a tenth of one."""
+        """Render and describe the part's templates, which takes seconds, or read them from the cache."""
         known = self._indices.get(part.name)
         if known is None or known[0] != part.content_hash:
             index = load_index(part, TemplateConfig(views=self.config.views), self.config.turns, progress=progress)
@@ -71,7 +71,7 @@ class RetrievalEstimator:
         """Return the best pose of each detection, with hypotheses.
 
         A detection has no estimate if its mask has fewer than `RetrievalConfig.min_mask_px` pixels, or its box is
-        outside the image. Where it has a mask, the box is taken from that; where it has none, the whole box counts.
+        outside the image. The mask, if there is one, defines the box; otherwise the whole box counts as mask.
 
         Raises:
             UnknownNameError: a detection's part has not been onboarded.
@@ -82,7 +82,7 @@ class RetrievalEstimator:
     def estimate_batch(
         self, frames: Sequence[CameraFrame], detections: Sequence[Sequence[Detection]]
     ) -> list[list[PoseEstimate]]:
-        """Return what `estimate` returns for each frame; the crops of all are described and searched together."""
+        """Return the estimates for each frame; the crops of all frames are described and searched together."""
         start = time.perf_counter()
         for found in detections:
             check_onboarded(found, self._indices)
@@ -112,7 +112,7 @@ class RetrievalEstimator:
         return estimates
 
     def _crop(self, frame: CameraFrame, detections: Sequence[Detection]) -> tuple[list[Detection], CropBatch | None]:
-        """Return the detections that can be answered, and their crops; None if there are none."""
+        """Return the valid detections and their crops; None if there are none."""
         valid = valid_detections(detections, frame, self.config.min_mask_px)
         if not valid:
             return [], None

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -14,15 +13,15 @@ from torch import Tensor
 
 from simpick.assets.part import Part
 from simpick.caching import cache_dir, cache_key, cached_arrays
-from simpick.estimators.retrieval.descriptors import DIMENSIONS, describe
+from simpick.estimators.retrieval.descriptors import describe
 from simpick.estimators.retrieval.turned_crops import aim_turned_crops, render_turned_crops
 from simpick.geometry import SymmetryGroup, random_rotation
 from simpick.rendering import TemplateConfig, load_templates, template_path
 
-# Raise when the same templates would give other descriptors.
-_VERSION = 1
+# Increment when the same templates would give other descriptors.
+_VERSION = 2
 _CANDIDATES = 32
-"""Of this many times as many templates as hypotheses are asked for, those too close to better ones are dropped."""
+"""Templates considered per hypothesis; those too close to better ones are dropped."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,15 +30,15 @@ class Matches:
 
     templates: Int[np.ndarray, "n k"]
     scores: Float[np.ndarray, "n k"]
-    """Likeness in [0, 1]."""
+    """Similarity in [0, 1]."""
     Rs_crop_part: Float[np.ndarray, "n k 3 3"]
     """Smoothed over neighbouring templates."""
     centres: Float[np.ndarray, "n k 3"]
-    """As `TemplateIndex.centres`, smoothed alike."""
+    """As `TemplateIndex.centres`, smoothed in the same way."""
 
 
 class TemplateIndex:
-    """The templates of one part, to be searched."""
+    """The searchable templates of one part."""
 
     def __init__(
         self,
@@ -50,7 +49,7 @@ class TemplateIndex:
     ) -> None:
         """Take descriptors as `describe` makes them, and the poses in each template's own virtual camera."""
         self.descriptors = descriptors
-        # In single precision, which halves the time of a search and is a thousand times finer than its answers.
+        # Single precision halves the time of a search; its rounding is a thousand times finer than the answers.
         self.Rs_crop_part = Ts_crop_part[:, :3, :3].astype(np.float32)
         self.centres = Ts_crop_part[:, :3, 3].astype(np.float32)
         self.centres[:, 2] /= focal_px
@@ -73,7 +72,7 @@ class TemplateIndex:
         """Return the `count` best templates for each query, no two closer than `spacing_rad` over the symmetries.
 
         Poses are averages over the templates within `smoothing_rad` of each match, weighted by
-        ``exp(score / softness)``: similarity falls off evenly around the true view, which mostly lies
+        ``exp(score / softness)``: similarity decreases evenly around the true view, which mostly lies
         between templates.
         """
         scores = (queries @ self.descriptors.T).numpy()
@@ -83,7 +82,7 @@ class TemplateIndex:
         flat_R = self.Rs_crop_part.reshape(-1, 9)
         cosine = (flat_R[flat] @ flat_R.T - 1) / 2
         near = cosine >= np.cos(smoothing_rad)
-        # Rounding may put a match away from itself.
+        # Rounding must not exclude a match from its own neighbourhood.
         near[np.arange(len(flat)), flat] = True
         rows, columns = np.nonzero(near)
         query = rows // count
@@ -101,14 +100,14 @@ class TemplateIndex:
     def _spread(
         self, scores: Float[np.ndarray, "n templates"], count: int, spacing_rad: float
     ) -> Int[np.ndarray, "n count"]:
-        """Return the best templates that keep their distance, for all queries at once."""
+        """Return the best templates that are far enough from one another, for all queries at once."""
         limit = min(max(_CANDIDATES * count, 256), scores.shape[1])
         candidates = np.argpartition(-scores, limit - 1, axis=1)[:, :limit]
         values = np.take_along_axis(scores, candidates, axis=1)
         forms = self._canonical[:, candidates]  # (references, n, candidates, 9)
         chosen = np.empty((len(scores), count), np.int64)
         row = np.arange(len(scores))
-        # Templates whose score was taken away already come again only when no others are left.
+        # Templates that were excluded are chosen only when no others are left.
         left = values.copy()
         for k in range(count):
             best = left.argmax(axis=1)
@@ -119,10 +118,10 @@ class TemplateIndex:
 
     @cached_property
     def _canonical(self) -> Float[np.ndarray, "references templates 9"]:
-        """Return each rotation turned by the symmetry that brings it closest to a reference.
+        """Return each rotation in its equivalent form closest to a reference, for two references.
 
-        Orientations that look the same have the same form, but where two symmetries are about equally close. That is
-        elsewhere for another reference, so two of them miss next to nothing.
+        Equivalent orientations have the same form, except where two symmetries are about equally close. That happens at
+        other orientations for another reference, so two references suffice in practice.
         """
         references = np.stack([np.eye(3), random_rotation(np.random.default_rng(0))])
         Rs = self.Rs_crop_part.astype(float)
@@ -133,24 +132,18 @@ class TemplateIndex:
 def load_index(
     part: Part, config: TemplateConfig, turns: int, *, progress: Callable[[int, int], None] | None = None
 ) -> TemplateIndex:
-    """Return a part's index from the cache, or make and keep it; the poses are made from the templates each time."""
+    """Return a part's index, its descriptors from the cache if they are there; poses are computed each time."""
     templates = load_templates(part, config, progress=progress)
     crops = aim_turned_crops(templates, turns)
-    path = _index_path(part, config, turns)
+    key = cache_key(_VERSION, template_path(part, config).name, turns, torch.__version__)
 
     def describe_all() -> dict[str, np.ndarray]:
         described = [describe(gray, masks) for gray, masks in render_turned_crops(templates, crops)]
         return {"descriptors": torch.cat(described).half().numpy()}
 
-    stored = cached_arrays(path, ("descriptors",), describe_all)["descriptors"]
-    # Files of simpick 0.1 hold plain bytes.
-    descriptors = torch.tensor(stored.view("<f2").reshape(len(crops.focal_px), DIMENSIONS))
-    return TemplateIndex(descriptors.float(), crops.Ts_crop_part, crops.focal_px, part.symmetries)
-
-
-def _index_path(part: Part, config: TemplateConfig, turns: int) -> Path:
-    key = cache_key(_VERSION, template_path(part, config).name, turns, torch.__version__)
-    return cache_dir() / "retrieval" / f"{part.name}-{key}.zip"
+    stored = cached_arrays(cache_dir() / "retrieval" / f"{part.name}-{key}.npz", ("descriptors",), describe_all)
+    descriptors = torch.tensor(stored["descriptors"]).float()
+    return TemplateIndex(descriptors, crops.Ts_crop_part, crops.focal_px, part.symmetries)
 
 
 def _closest_rotations(M: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 3 3"]:

@@ -22,7 +22,7 @@ _VIEWS_AT_ONCE = 4
 
 @dataclass(frozen=True, eq=False)
 class TurnedCrops:
-    """Where the virtual camera of every crop stands, views times turns of them."""
+    """The virtual cameras of all crops: one per view and turn."""
 
     Ts_crop_part: Float[np.ndarray, "n 4 4"]
     focal_px: Float[np.ndarray, "n"]
@@ -44,12 +44,12 @@ def aim_turned_crops(templates: TemplateSet, turns: int) -> TurnedCrops:
 
 
 def render_turned_crops(templates: TemplateSet, crops: TurnedCrops) -> Iterator[tuple[Tensor, Tensor]]:
-    """Yield brightness and masks (n, size, size) of the crops, a few views' worth at a time, in order."""
+    """Yield brightness and masks (n, size, size) of the crops, a few views at a time, in order."""
     size, turns = templates.camera.width, crops.homographies.shape[1]
     images = torch.stack(
         [luminance(torch.tensor(templates.rgb)), torch.tensor(templates.masks, dtype=torch.float32)], dim=1
     )
-    # Where crops are smaller than views, sampling skips pixels; a blurred view has nothing to skip.
+    # Where crops are smaller than views, sampling would skip pixels and alias; so views are blurred.
     blurred = F.interpolate(F.avg_pool2d(images, 2), size=(size, size), mode="bilinear")
     zoom = crops.focal_px.reshape(len(templates), turns).mean(axis=1) / templates.camera.fx
     images = torch.where(torch.tensor(zoom < 0.75)[:, None, None, None], blurred, images)

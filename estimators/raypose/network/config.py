@@ -1,4 +1,4 @@
-"""`RayPoseConfig`: the size of the network and the choices that the paper's ablations switch."""
+"""`RayPoseConfig`: the size of the network, and switches for the paper's ablations."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TEMPLATE_VIEWS = ("random", "fixed")
 
 @dataclass(frozen=True)
 class RayPoseConfig(Config):
-    """Everything that the network's shape and meaning depend on; stored whole in every checkpoint."""
+    """Everything that the network depends on beside its weights; stored in every checkpoint."""
 
     image_encoder: Literal["simpick", "dinov2_vits14", "dinov2_vitb14", "dinov2_vitl14"] = "simpick"
     """Encoder of crops (E_I of the paper)."""
@@ -98,7 +98,7 @@ class RayPoseConfig(Config):
 
     @property
     def geometry_cells(self) -> int:
-        """Return the side of the grid that crops' geometry is told on: the finest that the network asks for."""
+        """Return the side of the grid of crops' geometry: the finest that the network uses."""
         return self.flow_cells if self.flow else self.local_cells
 
     @property
