@@ -1,7 +1,7 @@
-"""mkdocs hook: the command line reference from the parser itself, and the public names of each package.
+"""mkdocs hook: what the documentation takes from the program itself.
 
-Two lines of a page are replaced: ``[[command-line]]`` by the help text of each command, and ``[[public PACKAGE]]`` by
-a mkdocstrings block per name in the package's ``__all__``.
+Lines of a page are replaced: ``[[command-line]]`` by the help text of each command, ``[[public PACKAGE]]`` by a
+mkdocstrings block per name in the package's ``__all__``, and ``[[text MODULE.FUNCTION]]`` by what the function returns.
 """
 
 from __future__ import annotations
@@ -15,16 +15,12 @@ from unittest import mock
 
 from simpick.cli.main import COMMANDS, main
 
-_MARKER = re.compile(r"^\[\[(command-line|public [\w.]+)\]\]$", re.MULTILINE)
+_MARKER = re.compile(r"^\[\[(command-line|public|text) ?([\w.]*)\]\]$", re.MULTILINE)
 
 
 def on_page_markdown(markdown: str, **_: object) -> str:
     """Replace the markers of a page."""
-    return _MARKER.sub(lambda match: _replacement(*match[1].split()), markdown)
-
-
-def _replacement(marker: str, package: str = "") -> str:
-    return command_line_reference() if marker == "command-line" else public_names(package)
+    return _MARKER.sub(lambda match: _REPLACEMENTS[match[1]](match[2]), markdown)
 
 
 def public_names(package: str) -> str:
@@ -35,7 +31,13 @@ def public_names(package: str) -> str:
     return "\n\n".join(f"::: {o.__module__}.{o.__qualname__}" for o in objects if hasattr(o, "__qualname__"))
 
 
-def command_line_reference() -> str:
+def returned_text(function: str) -> str:
+    """Return what a function without arguments returns, by its full name."""
+    module, _, name = function.rpartition(".")
+    return getattr(importlib.import_module(module), name)()
+
+
+def command_line_reference(_: str) -> str:
     """Return a section per command: its help text as the terminal shows it at 80 columns."""
     sections = [f"## `simpick {name}`\n\n```text\n{help_text(name.split())}\n```" for name in COMMANDS]
     return "\n\n".join([f"```text\n{help_text([])}\n```", *sections])
@@ -48,3 +50,6 @@ def help_text(command: list[str]) -> str:
         main([*command, "--help"])
     out.seek(0)
     return re.sub(r"\x1b\[[0-9;]*m", "", out.read()).strip()
+
+
+_REPLACEMENTS = {"command-line": command_line_reference, "public": public_names, "text": returned_text}

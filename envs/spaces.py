@@ -90,7 +90,7 @@ def outcome_from_index(index: int) -> PickOutcome | None:
 
 
 def observation_docs(width: int = 640, height: int = 480) -> str:
-    """Return the observation table in Markdown, as it stands in the README."""
+    """Return the observation table in Markdown, as the documentation shows it."""
     return markdown_table(observation_table(width, height))
 
 

@@ -1,5 +1,6 @@
 """Each example runs, with small bins, and gives what it promises."""
 
+import re
 import runpy
 from collections.abc import Callable
 from pathlib import Path
@@ -24,6 +25,12 @@ def test_examples_are_short() -> None:
     lengths = {file.name: len(file.read_text().splitlines()) for file in FOLDER.glob("*.py")}
     assert len(lengths) == 8
     assert max(lengths.values()) < 60, lengths
+
+
+def test_python_in_readme(capsys) -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", (FOLDER.parent / "README.md").read_text(), re.DOTALL)
+    exec(code.replace('"refined"', '"retrieval"').replace("count=8", "count=1"), {})
+    assert "PoseError" in capsys.readouterr().out
 
 
 def test_step_the_environment(capsys) -> None:
