@@ -281,7 +281,7 @@ class WorkerPool:
 
 @contextmanager
 def _thread_limit(threads: int) -> Iterator[None]:
-    """Let processes that start meanwhile use so many threads, where the environment sets no number."""
+    """Limit the threads of processes that start in this context, where the environment sets no number."""
     added = {name: str(threads) for name in _THREAD_VARIABLES if name not in os.environ}
     os.environ.update(added)
     try:

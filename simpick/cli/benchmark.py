@@ -27,10 +27,10 @@ class Benchmark:
         """Measure and print a table."""
         if self.envs:
             return self._compare_envs()
-        from simpick.experiments.speed import measure
+        from simpick.experiments.speed import measure_simulator
         from simpick.terminal import Console, narrow_table
 
-        figures = measure(self.config)
+        figures = measure_simulator(self.config)
         rows = {
             "attempts": f"{figures.attempts}",
             "simulated time": f"{figures.simulated_s:.1f} s",

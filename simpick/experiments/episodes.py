@@ -29,7 +29,7 @@ from simpick.scene import BinConfig, SceneConfig
 
 
 def make_scene_config(config: CellConfig) -> SceneConfig:
-    """Return what stands in the cell.
+    """Return the scene that a configuration asks for.
 
     Raises:
         ConfigError, UnknownNameError: a setting is out of range, or a name does not exist.
@@ -127,7 +127,7 @@ def run_episode(
 
     Each `PickRecord` holds outcome, cause, the pose's error and timings; `on_pick` receives it as soon as it is known.
     `episode`, `mode` (by default the perception's name) and `settings` name the episode in its result and recording.
-    A policy with a refiner corrects each grasp by a second look through the wrist camera.
+    A policy with a refiner corrects each grasp by a second image, from the wrist camera.
     """
     recorder = NullRecorder() if recorder is None else recorder
     mode = policy.perception.name if mode is None else mode
@@ -187,7 +187,7 @@ def _pick(
 
 
 def _look(policy: PickPolicy, recorder: Recorder, frame: CameraFrame, T_world_tcp: np.ndarray) -> np.ndarray | None:
-    """Look closer, and record what was seen."""
+    """Correct a grasp by the wrist camera's image, and record both."""
     corrected = policy.look(frame, T_world_tcp)
     view = policy.closer_view
     recorder.frame("wrist", frame)
@@ -227,7 +227,7 @@ def complete_record(
 
 @lru_cache(maxsize=64)
 def _evaluation_model(part: Part) -> EvaluationModel:
-    """Return a part's evaluation model; its hull, search tree and symmetries are computed once and not once a pick."""
+    """Return a part's evaluation model; its hull, search tree and symmetries are computed once, not per pick."""
     return EvaluationModel.of(part)
 
 
@@ -244,5 +244,5 @@ def episode_id(mode: str, gripper: str, seed: int) -> str:
 
 
 def recording_file(folder: Path, config: RunConfig, episode: int) -> Path:
-    """Return where an episode's recording lies."""
+    """Return the file of an episode's recording."""
     return folder / f"{episode_id(config.mode, config.gripper, config.seed + episode)}.rrd"

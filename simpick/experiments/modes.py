@@ -12,7 +12,7 @@ from simpick.estimators.registry import ORACLE, EstimatorName, estimator_names, 
 
 ORACLE_NOISE = "oracle_noise"
 CLOSER = "+closer"
-"""Ends the name of a mode with a second look through the wrist camera."""
+"""Ends the name of a mode that corrects each grasp by a second image, from the wrist camera."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Mode:
     noise: tuple[float, str] | None = None
     """Of ``oracle_noise``: median error and its unit, ``mm`` or ``deg``; None for that of the configuration."""
     look_closer: bool = False
-    """Whether the wrist camera looks again before the gripper descends."""
+    """Whether an image from the wrist camera corrects each grasp."""
 
     def __str__(self) -> str:
         noise = "" if self.noise is None else f"@{self.noise[0]:g}{self.noise[1]}"

@@ -53,7 +53,7 @@ def _perception(
 
 
 def make_refiner(config: RunConfig, env: BinPickEnv) -> PoseRefiner:
-    """Return who corrects poses by a second look: the truth for the oracle, else this process's one refiner."""
+    """Return what corrects poses by the wrist camera's image: the truth for the oracle, else the refiner."""
     return OracleRefiner(env.truth) if config.estimator == ORACLE else _shared_refiner()
 
 
@@ -66,11 +66,11 @@ def _shared_refiner() -> PoseRefiner:
 
 @cache
 def _shared_estimator(name: str, hypotheses: int | None) -> PoseEstimator:
-    """Return this process's one estimator of that name, so that parts are onboarded once and not once an episode.
+    """Return the one estimator of that name in this process, so that parts are onboarded once, not per episode.
 
-    All that were asked for are kept, because a comparison asks for each of its modes in turn, bin after bin.
+    All estimators are kept, because a comparison uses each of its modes in turn, bin after bin.
 
-    Only for shipped ones, which keep nothing between images but their onboarded parts: another package's may keep
-    more, and an episode's results must not hang on the episodes before it.
+    Only for those that ship, which keep nothing between images but their onboarded parts: another package's estimator
+    may keep more, and the results of an episode must not depend on the episodes before it.
     """
     return load_estimator(name, hypotheses=hypotheses)

@@ -1,4 +1,4 @@
-"""What results depend on: settings, versions, the parts' shapes and grasps, weights. Results of two do not mix."""
+"""What results depend on: settings, versions, the parts' shapes and grasps, weights."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _PACKAGES = ("simpick", "mujoco", "torch")
 
 
 def run_provenance(config: CellConfig, runs: Iterable[RunConfig]) -> dict[str, Any]:
-    """Return what the results of `config`, which stands for these runs, depend on, for a `ResultStore`.
+    """Return what the results of `config`, which consists of these runs, depend on, for a `ResultStore`.
 
-    Beside the settings these are versions, each mode's weights, the verified grasps, and the parts that the user
-    brought: the file behind a name may change, and results of one must not be taken for those of another.
+    Beside the settings these are versions, each mode's weights, the verified grasps, and the user's own parts, whose
+    files may change under the same name.
 
     Raises:
         UnknownPartError, MeshError: a part does not exist or cannot be read.

@@ -22,7 +22,7 @@ Job = tuple[RunConfig, int]
 
 
 def run_jobs(jobs: Sequence[Job], store: ResultStore, execution: Execution, console: Console | None = None) -> None:
-    """Run the jobs that `store` has no results of yet, begun in their order, and add each result as it comes.
+    """Run the jobs that `store` has no results of yet, started in their order, and add each result as it arrives.
 
     Raises:
         SimpickError: an episode's process died, or the Ray cluster cannot be used.

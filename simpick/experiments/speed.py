@@ -1,4 +1,4 @@
-"""Measuring the simulator: real-time factor, images a second, share of time outside MuJoCo."""
+"""Speed of the simulator: real-time factor, images per second, share of time outside MuJoCo."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ IMAGES_TIMED = 20
 
 
 @dataclass(frozen=True)
-class Figures:
-    """What a benchmark found. Times are wall-clock unless said otherwise."""
+class SimulatorSpeed:
+    """Figures of a benchmark. Times are wall-clock times where nothing else is stated."""
 
     attempts: int
     simulated_s: float
     """Simulated time of all attempts."""
     wall_s: float
-    """Of all attempts: simulation, rendering, perception and planning; filling the bins is apart."""
+    """Time of all attempts: simulation, rendering, perception and planning, without filling the bins."""
     reset_s: float
     """Mean time of filling a bin and making its environment."""
     steps: int
@@ -37,7 +37,7 @@ class Figures:
     render_s: float
     """Spent in MuJoCo's rendering functions."""
     images_per_s: dict[str, float]
-    """For each camera, with depth and instances, and for colour alone."""
+    """Per camera: with depth and instances, and colour alone."""
 
 
 @contextmanager
@@ -66,8 +66,8 @@ def timed_functions(names: tuple[str, ...]) -> Iterator[Callable[[], float]]:
             setattr(mujoco, name, function)
 
 
-def measure(config: RunConfig) -> Figures:
-    """Run the episodes of `config` and return what they cost."""
+def measure_simulator(config: RunConfig) -> SimulatorSpeed:
+    """Run the episodes of `config` and return their speed."""
     wall_s = reset_s = simulated_s = physics_s = render_s = 0.0
     attempts = 0
     run_configured_episode(config, 0)  # Fills the caches: grasps, templates, compiled shaders.
@@ -93,7 +93,9 @@ def measure(config: RunConfig) -> Figures:
         images_per_s = _images_per_s(env)
     finally:
         env.close()
-    return Figures(attempts, simulated_s, wall_s, reset_s / config.episodes, steps, physics_s, render_s, images_per_s)
+    return SimulatorSpeed(
+        attempts, simulated_s, wall_s, reset_s / config.episodes, steps, physics_s, render_s, images_per_s
+    )
 
 
 def _images_per_s(env: BinPickEnv) -> dict[str, float]:

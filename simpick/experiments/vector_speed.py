@@ -1,4 +1,4 @@
-"""Measuring vector environments: episodes an hour against the number of environments."""
+"""Speed of vector environments: episodes per hour against the number of environments."""
 
 from __future__ import annotations
 
@@ -16,35 +16,35 @@ from simpick.policies import VectorPickPolicy
 
 
 @dataclass(frozen=True)
-class VectorFigures:
-    """What `num_envs` environments did in a while."""
+class VectorSpeed:
+    """Work of `num_envs` environments, and the time it took."""
 
     num_envs: int
     episodes: int
     """Ended while the clock ran."""
     attempts: int
-    """Picks attempted while the clock ran, those of unfinished episodes too."""
+    """Attempts while the clock ran, including those of unfinished episodes."""
     wall_s: float
-    """Filling bins included; starting the workers and the first bins is not."""
+    """Includes filling bins, but not starting the workers and filling the first bins."""
     decide_s: float
     """Spent in this process on perception and planning, while the environments wait."""
 
     @property
     def episodes_per_hour(self) -> float:
-        """Return how many episodes end in an hour."""
+        """Return the number of episodes that end per hour."""
         return 3600 * self.episodes / self.wall_s
 
     @property
     def attempts_per_hour(self) -> float:
-        """Return how many picks are attempted in an hour: steadier than episodes, where few have ended."""
+        """Return the number of attempts per hour: a steadier figure than episodes, where few have ended."""
         return 3600 * self.attempts / self.wall_s
 
 
-def measure_vector(config: RunConfig, num_envs: int) -> VectorFigures:
+def measure_vector(config: RunConfig, num_envs: int) -> VectorSpeed:
     """Pick bins in `num_envs` environments until ``config.episodes`` times as many episodes have ended.
 
     Raises:
-        ConfigError: there is to be no environment.
+        ConfigError: `num_envs` is below 1.
     """
     if num_envs < 1:
         raise ConfigError(f"envs must be numbers of 1 or more, got {num_envs}")
@@ -55,7 +55,7 @@ def measure_vector(config: RunConfig, num_envs: int) -> VectorFigures:
         rngs = [np.random.default_rng([config.seed + k, 1]) for k in range(num_envs)]
         policy = VectorPickPolicy(make_vector_perceptions(config, envs, rngs), envs.parts, envs.scene_config)
         observations, _ = envs.reset(seed=config.seed)
-        policy.act(observations)  # Fills caches and compiles, as the first bins have done in the workers.
+        policy.act(observations)  # Fills caches and compiles, as the first bins did in the workers.
         observations, _ = envs.reset(seed=config.seed)
         episodes = attempts = 0
         decide_s = 0.0
@@ -69,6 +69,6 @@ def measure_vector(config: RunConfig, num_envs: int) -> VectorFigures:
             observations, _, terminated, truncated, _ = envs.step(actions)
             ended = terminated | truncated
             episodes += int(np.count_nonzero(ended))
-        return VectorFigures(num_envs, episodes, attempts, time.perf_counter() - start, decide_s)
+        return VectorSpeed(num_envs, episodes, attempts, time.perf_counter() - start, decide_s)
     finally:
         envs.close()

@@ -1,4 +1,4 @@
-"""Failures are blamed by fixed rules."""
+"""Failures are attributed to causes by fixed rules."""
 
 import dataclasses
 
@@ -46,7 +46,7 @@ def test_a_target_that_is_no_part_was_a_wrong_detection() -> None:
     assert failure_cause(make_pick(0, PickOutcome.MISSED, None)) is FailureCause.DETECTION
 
 
-def test_no_grasp_is_the_poses_fault_where_the_oracle_found_more() -> None:
+def test_no_grasp_is_attributed_to_the_poses_where_the_oracle_found_more() -> None:
     gave_up = make_result(0, make_pick(0, target=1), make_pick(1, PickOutcome.NO_GRASP, None))
     oracle = make_result(0, make_pick(0, target=1), make_pick(1, target=0))
     equal = make_result(0, make_pick(0, target=0))
@@ -55,7 +55,7 @@ def test_no_grasp_is_the_poses_fault_where_the_oracle_found_more() -> None:
     assert [f.cause for f in find_failures([gave_up])] == [FailureCause.GRASP]
 
 
-def test_a_failure_tells_whether_the_oracle_delivered_that_part() -> None:
+def test_a_failure_knows_whether_the_oracle_delivered_that_part() -> None:
     failed = make_result(0, make_pick(0, PickOutcome.MISSED, 1), make_pick(1, PickOutcome.MISSED, 0))
     oracle = make_result(0, make_pick(0, target=1))
     assert [f.oracle_delivered for f in find_failures([failed], [oracle])] == [True, False]

@@ -51,7 +51,7 @@ def test_a_room_imports_only_rooms_before_it(module: str) -> None:
     assert not wrong, f"{module} must not import {sorted(wrong)}: {room} comes first in ROOMS"
 
 
-@pytest.mark.xfail(strict=False, reason="library and user_parts, runs and ray_runs are still to be separated")
+@pytest.mark.xfail(strict=False, reason="library and user_parts are still to be separated")
 def test_no_two_files_import_each_other() -> None:
     try:
         TopologicalSorter({module: imported_modules(module) for module in source_files()}).prepare()

@@ -1,1 +1,1 @@
-"""What results say: grasp scores, paired differences, causes of failure, tolerance to pose error."""
+"""Analysis of results: grasp scores, paired differences, causes of failure, tolerance to pose error."""

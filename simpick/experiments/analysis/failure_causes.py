@@ -1,4 +1,4 @@
-"""Why picks fail: each look at the bin that delivered no single part is blamed on one stage, by fixed rules."""
+"""Causes of failure: each pick that did not deliver exactly one part is attributed to one stage, by fixed rules."""
 
 from __future__ import annotations
 
@@ -11,24 +11,23 @@ from simpick.experiments.result_store import EpisodeResult
 from simpick.records import PickOutcome, PickRecord
 
 TOLERATED_DEG, TOLERATED_MM = 10.0, 5.0
-"""Pose errors up to these are no cause: with true poses blurred so far grasping loses next to nothing (`simpick
-sweep`)."""
+"""Pose errors up to these are not counted as a cause: grasping tolerates them nearly always (`simpick sweep`)."""
 FLIP_DEG = 60.0
-"""A rotation error from here on, in an estimate that lies in the right place, takes one side of a part for another."""
+"""From this rotation error on, an estimate in the right place confuses two sides of a part."""
 FLIP_LATERAL_MM = 10.0
-"""What is the right place in the image; depth does not count, for a turned part of the wrong size is turned still."""
+"""Up to this lateral error an estimate is in the right place in the image; its depth may be wrong."""
 
 
 class FailureCause(StrEnum):
-    """The stage that a failure is blamed on."""
+    """The stage that a failure is attributed to."""
 
     DETECTION = "detection"
-    """Nothing was detected, or the arm went for a detection that belongs to no part."""
+    """Nothing was detected, or the target was a detection that belongs to no part."""
     POSE = "pose"
-    """The estimate was off by more than `TOLERATED_DEG` or `TOLERATED_MM`; or no grasp was left on the estimates,
+    """The error of the estimate exceeded `TOLERATED_DEG` or `TOLERATED_MM`; or no grasp was left on the estimates,
     where the oracle found one in the same bin."""
     SYMMETRY_FLIP = "symmetry flip"
-    """The estimate lay in the right place in the image, but was turned by `FLIP_DEG` or more."""
+    """The estimate was in the right place in the image, with a rotation error of `FLIP_DEG` or more."""
     GRASP = "grasp"
     """The pose was good, but the grasp missed, slipped or took two parts; or no grasp was left."""
     MOTION = "motion"
@@ -39,7 +38,7 @@ class FailureCause(StrEnum):
 
 @dataclass(frozen=True)
 class Failure:
-    """A look at the bin that did not deliver exactly one part."""
+    """A pick that did not deliver exactly one part."""
 
     mode: str
     episode: int
@@ -50,12 +49,12 @@ class Failure:
 
 
 def count_causes(failures: Iterable[Failure]) -> dict[FailureCause, int]:
-    """Return how many of these failures each cause is blamed for, also where it is none."""
+    """Return how many of these failures are attributed to each cause, zeros included."""
     counts = Counter(failure.cause for failure in failures)
     return {cause: counts[cause] for cause in FailureCause}
 
 
-_BLAMED_OUTCOMES = {
+_CAUSE_OF_OUTCOME = {
     PickOutcome.MISSED: FailureCause.GRASP,
     PickOutcome.SLIPPED: FailureCause.GRASP,
     PickOutcome.DOUBLE_PICK: FailureCause.GRASP,
@@ -84,14 +83,14 @@ def find_failures(results: Sequence[EpisodeResult], oracle: Sequence[EpisodeResu
 
 
 def failure_cause(pick: PickRecord, *, oracle_found_more: bool = False) -> FailureCause:
-    """Return what a failed pick is blamed on; the first rule that fits holds.
+    """Return the cause of a failed pick; the first rule that fits applies.
 
     1. The physics diverged: physics.
     2. Nothing was detected, or the target belongs to no part: detection.
     3. No grasp was left: pose if `oracle_found_more`, that is if the oracle delivered more parts from this bin than
        had been delivered here; else grasp.
-    4. Turned by `FLIP_DEG` or more, and in the right place in the image: symmetry flip.
-    5. Off by more than `TOLERATED_DEG` or `TOLERATED_MM`: pose.
+    4. A rotation error of `FLIP_DEG` or more, in the right place in the image: symmetry flip.
+    5. An error above `TOLERATED_DEG` or `TOLERATED_MM`: pose.
     6. Missed, slipped, double pick: grasp. Unreachable, collision: motion. Dropped, ejected: physics.
     """
     if pick.outcome is PickOutcome.SIMULATION_FAULT:
@@ -107,7 +106,7 @@ def failure_cause(pick: PickRecord, *, oracle_found_more: bool = False) -> Failu
         return FailureCause.SYMMETRY_FLIP
     if error.rotation_deg > TOLERATED_DEG or error.translation_mm > TOLERATED_MM:
         return FailureCause.POSE
-    return _BLAMED_OUTCOMES[pick.outcome]
+    return _CAUSE_OF_OUTCOME[pick.outcome]
 
 
 def _oracle_delivered(pick: PickRecord, counterpart: EpisodeResult | None) -> bool | None:

@@ -26,7 +26,7 @@ from simpick.experiments.result_store import EpisodeResult
 
 REPORT_FILE = "report.html"
 FEW_BINS = 20
-"""Below so many bins the report warns of intervals that are too narrow."""
+"""With fewer bins the report warns of intervals that are too narrow."""
 
 
 def write_report(comparison: Comparison) -> Path:
