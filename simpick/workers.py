@@ -6,7 +6,6 @@ dead ones without end; processes that render have been seen to hang when many of
 
 from __future__ import annotations
 
-import math
 import multiprocessing
 import os
 import signal
@@ -16,16 +15,14 @@ import traceback
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
-from multiprocessing.connection import Connection, wait
-from multiprocessing.process import BaseProcess
+from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
 from simpick.config import Config, PositiveFloat, PositiveInt
 from simpick.errors import ConfigError, SimpickError
 
-_TICK_S = 0.1
 _GRACE_S = 5.0
 """Time between the request to terminate and the kill."""
 # Read when numerical libraries and software OpenGL are loaded.
@@ -66,20 +63,6 @@ class _Call:
     """Processes that died or hung during this call."""
 
 
-@dataclass(eq=False)
-class _Worker:
-    """A slot for a process, and the process that fills it now."""
-
-    process: BaseProcess | None = None
-    connection: Connection | None = None
-    call: _Call | None = None
-    deadline: float = 0.0
-    proven: bool = False
-    """Whether this process has finished a call."""
-    failures: int = 0
-    """Processes in a row that ended without finishing one."""
-
-
 class WorkerPool:
     """Runs submitted calls in up to `workers` spawned processes. A context manager.
 
@@ -106,23 +89,27 @@ class WorkerPool:
         """
         if workers < 1:
             raise ConfigError(f"workers must be 1 or more, got {workers}")
-        self._limits, self._staggered = limits or WorkerLimits(), staggered
+        self._limits = limits or WorkerLimits()
         self._threads = threads or max(1, (os.cpu_count() or 1) // workers)
-        self._workers = [_Worker() for _ in range(workers)]
+        self._starting = threading.Lock() if staggered else nullcontext()
+        # Guards everything below.
+        self._changed = threading.Condition()
         self._waiting: deque[_Call] = deque()
-        self._lock = threading.Lock()
-        self._closing = False
+        self._processes: set[_Process] = set()
+        self._error: SimpickError | None = None
+        self._given_up = 0
         self._any_result = False
-        self._last_failure = ""
         self.replaced = 0
         """How many processes died or were killed because they hung."""
-        self._thread = threading.Thread(target=self._supervise, name="worker-pool", daemon=True)
-        self._thread.start()
+        self._supervisors = [threading.Thread(target=self._supervise, daemon=True) for _ in range(workers)]
+        for supervisor in self._supervisors:
+            supervisor.start()
 
     @property
     def pids(self) -> list[int]:
         """Return the process ids of the workers that run now."""
-        return [w.process.pid for w in self._workers if w.process is not None and w.process.pid is not None]
+        with self._changed:
+            return [process.pid for process in self._processes]
 
     def submit(self, function: Callable[..., _Result], *arguments: Any) -> Future[_Result]:
         """Return the future result of a call, which must be picklable; calls begin in the order of submission.
@@ -134,17 +121,24 @@ class WorkerPool:
             SimpickError: the pool is closed or has failed.
         """
         future: Future[_Result] = Future()
-        with self._lock:
-            if self._closing:
-                raise SimpickError("the worker pool is closed; make a new one")
+        with self._changed:
+            if self._error is not None:
+                raise self._error
             self._waiting.append(_Call(function, arguments, future))
+            self._changed.notify()
         return future
 
     def close(self) -> None:
         """End all workers now, whatever they do; may be called again."""
-        with self._lock:
-            self._closing = True
-        self._thread.join()
+        self._fail(SimpickError("the worker pool is closed; make a new one"))
+        # First a request, so that recordings that are open are closed.
+        for end in ("terminate", "kill"):
+            with self._changed:
+                for process in self._processes:
+                    getattr(process, end)()
+            deadline = time.monotonic() + _GRACE_S
+            for supervisor in self._supervisors:
+                supervisor.join(max(0.0, deadline - time.monotonic()))
 
     def __enter__(self) -> WorkerPool:
         return self
@@ -152,131 +146,131 @@ class WorkerPool:
     def __exit__(self, *exception: object) -> None:
         self.close()
 
-    # -- the supervising thread ---------------------------------------------------------------------------------
+    # -- one supervising thread per worker -----------------------------------------------------------------------
 
     def _supervise(self) -> None:
-        error = SimpickError("the worker pool is closed; make a new one")
-        try:
-            while not self._closing:
-                self._hand_out()
-                self._start_next()
-                connections = [w.connection for w in self._workers if w.connection is not None]
-                if not connections:
-                    time.sleep(_TICK_S)
-                for connection in wait(connections, _TICK_S):
-                    self._receive(next(w for w in self._workers if w.connection is connection))
-                for worker in self._workers:
-                    if worker.call is not None and time.monotonic() > worker.deadline:
-                        self._replace(worker, f"took longer than {self._limit_s(worker):g} s")
-        except LostCallError as failure:
-            error = failure
-        # Whatever goes wrong here, nobody must wait forever for a result.
-        except Exception as failure:
-            error = SimpickError(f"the worker pool failed: {failure!r}\n{traceback.format_exc()}")
-        finally:
-            with self._lock:
-                self._closing = True
-            unfinished = [*(w.call for w in self._workers if w.call is not None), *self._waiting]
-            self._end(self._workers)
-            for call in unfinished:
-                if call.future.running() or call.future.set_running_or_notify_cancel():
-                    call.future.set_exception(error)
-
-    def _start_next(self) -> None:
-        """Start one process if calls wait for it; raises `LostCallError` if every worker was given up."""
-        hopeful = [w for w in self._workers if w.failures < self._limits.failures]
-        if not hopeful:
-            raise LostCallError(
-                f"none of {len(self._workers)} worker processes works; the last one {self._last_failure}. Try fewer "
-                "workers, or none, which shows the cause where it arises; `simpick doctor` checks OpenGL"
-            )
-        worker = next((w for w in hopeful if w.process is None), None)
-        must_wait = self._staggered and any(w.process is not None and not w.proven for w in self._workers)
-        if worker is None or must_wait or not self._waiting:
-            return
-        context = multiprocessing.get_context("spawn")
-        worker.connection, theirs = context.Pipe()
-        worker.process = context.Process(target=_serve, args=(theirs,), daemon=True)
-        with _thread_limit(self._threads):
-            worker.process.start()
-        # Only the process holds its end now, so that its death closes the connection.
-        theirs.close()
-
-    def _hand_out(self) -> None:
-        for worker in self._workers:
-            if worker.connection is None or worker.call is not None:
-                continue
-            call = self._next_call()
-            if call is None:
-                return
-            worker.call, worker.deadline = call, time.monotonic() + self._limit_s(worker)
-            try:
-                worker.connection.send((call.function, call.arguments))
-            except OSError:
-                self._replace(worker, "died while it waited for a call")
+        """Run calls in one process after another, until the pool is closed or this worker is given up."""
+        process, failures, cause = None, 0, None
+        while failures < self._limits.failures and (call := self._next_call()) is not None:
+            if process is None:
+                # With its first call, in which libraries are loaded and OpenGL contexts opened.
+                with self._starting:
+                    process = self._start()
+                    cause = process.run(call, self._limits.first_call_s) if process else "was not started"
+            else:
+                cause = process.run(call, self._limits.call_s)
+            if cause is None:
+                failures, self._any_result = 0, True
+            else:
+                failures += 1
+                process = self._end(process)
+                self._lose(call, cause)
+        self._end(process)
+        if failures == self._limits.failures:
+            self._give_up(cause)
 
     def _next_call(self) -> _Call | None:
-        with self._lock:
-            while self._waiting:
-                call = self._waiting.popleft()
-                if call.losses or call.future.set_running_or_notify_cancel():
-                    return call
+        """Return the next call as soon as there is one; None if the pool is closed."""
+        with self._changed:
+            while self._error is None:
+                while self._waiting:
+                    call = self._waiting.popleft()
+                    if call.losses or call.future.set_running_or_notify_cancel():
+                        return call
+                self._changed.wait()
         return None
 
-    def _receive(self, worker: _Worker) -> None:
-        """Take a worker's answer, which is what the call returned or raised."""
-        assert worker.connection is not None and worker.process is not None
-        try:
-            result, error = worker.connection.recv()
-        except (EOFError, OSError):
-            worker.process.join(1.0)
-            self._replace(worker, f"died (exit code {worker.process.exitcode})")
-            return
-        assert worker.call is not None
-        future, worker.call, worker.proven, worker.failures = worker.call.future, None, True, 0
-        self._any_result = True
-        if error is None:
-            future.set_result(result)
-        else:
-            future.set_exception(error)
+    def _start(self) -> _Process | None:
+        """Return a new process; None if the pool is closed."""
+        with self._changed:
+            if self._error is not None:
+                return None
+            process = _Process(self._threads)
+            self._processes.add(process)
+            return process
 
-    def _replace(self, worker: _Worker, cause: str) -> None:
-        """End a worker that died or hung; its slot is filled again until it is given up."""
-        self.replaced += 1
-        self._last_failure = cause
-        call = worker.call
-        self._end([worker])
-        worker.failures += 1
-        if call is None:
-            return
+    def _end(self, process: _Process | None) -> None:
+        if process is not None:
+            process.end()
+            with self._changed:
+                self._processes.discard(process)
+
+    def _lose(self, call: _Call, cause: str) -> None:
+        """Let a call whose process was lost be repeated or fail."""
         call.losses += 1
-        # A call is at fault only where others work; otherwise the workers are.
-        if call.losses >= self._limits.failures and self._any_result:
-            call.future.set_exception(LostCallError(f"{call.losses} worker processes were lost; the last one {cause}"))
+        with self._changed:
+            # A call is at fault only where others work; otherwise the workers are.
+            is_at_fault = call.losses >= self._limits.failures and self._any_result
+            if self._error is None:
+                self.replaced += 1
+                if not is_at_fault:
+                    self._waiting.appendleft(call)
+                    self._changed.notify()
+                    return
+        lost = LostCallError(f"{call.losses} worker processes were lost; the last one {cause}")
+        call.future.set_exception(self._error or lost)
+
+    def _give_up(self, cause: str | None) -> None:
+        with self._changed:
+            self._given_up += 1
+        if self._given_up == len(self._supervisors):
+            self._fail(
+                LostCallError(
+                    f"none of {self._given_up} worker processes works; the last one {cause}. Try fewer workers, or "
+                    "none, which shows the cause where it arises; `simpick doctor` checks OpenGL"
+                )
+            )
+
+    def _fail(self, error: SimpickError) -> None:
+        """Accept no more calls, and let those that wait raise `error`."""
+        with self._changed:
+            self._error = self._error or error
+            waiting, self._waiting = self._waiting, deque()
+            self._changed.notify_all()
+        for call in waiting:
+            if call.losses or call.future.set_running_or_notify_cancel():
+                call.future.set_exception(self._error)
+
+
+class _Process:
+    """A spawned process that runs one call at a time."""
+
+    def __init__(self, threads: int) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._connection, theirs = context.Pipe()
+        self._process = context.Process(target=_serve, args=(theirs,), daemon=True)
+        with _thread_limit(threads):
+            self._process.start()
+        # Only the process holds its end now, so that its death closes the connection.
+        theirs.close()
+        assert self._process.pid is not None
+        self.pid: int = self._process.pid
+        self.terminate, self.kill = self._process.terminate, self._process.kill
+
+    def run(self, call: _Call, limit_s: float | None) -> str | None:
+        """Complete a call; if the process died or hung instead, return how."""
+        try:
+            self._connection.send((call.function, call.arguments))
+            if not self._connection.poll(limit_s):
+                return f"took longer than {limit_s:g} s"
+            result, error = self._connection.recv()
+        except (EOFError, OSError):
+            self._process.join(1.0)
+            return f"died (exit code {self._process.exitcode})"
+        except Exception as failure:
+            result, error = None, SimpickError(f"a call or its result cannot be pickled: {failure!r}")
+        if error is None:
+            call.future.set_result(result)
         else:
-            with self._lock:
-                self._waiting.appendleft(call)
+            call.future.set_exception(error)
+        return None
 
-    def _limit_s(self, worker: _Worker) -> float:
-        limit_s = self._limits.call_s if worker.proven else self._limits.first_call_s
-        return math.inf if limit_s is None else limit_s
-
-    @staticmethod
-    def _end(workers: list[_Worker]) -> None:
-        processes = [w.process for w in workers if w.process is not None]
-        # First a request, so that a recording that is open is closed.
-        for process in processes:
-            process.terminate()
-        deadline = time.monotonic() + _GRACE_S
-        for process in processes:
-            process.join(max(0.0, deadline - time.monotonic()))
-            process.kill()
-            process.join(_GRACE_S)
-        for worker in workers:
-            if worker.connection is not None:
-                worker.connection.close()
-            worker.process = worker.connection = worker.call = None
-            worker.proven = False
+    def end(self) -> None:
+        self.terminate()
+        self._process.join(_GRACE_S)
+        self.kill()
+        self._process.join()
+        self._connection.close()
 
 
 @contextmanager
