@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -49,11 +50,9 @@ class TrainingBatch(TensorRecord):
     coverage: Float[Tensor, "batch cells"]
     """Share of each query cell that shows the part. Cells are those of `RayPoseConfig.geometry_cells`."""
     Ts_crop_part: Float[np.ndarray, "batch 4 4"]
-    rows: tuple[tuple[int, int], ...]
-    """Shard and query within it of each row."""
 
     def __len__(self) -> int:
-        return len(self.rows)
+        return len(self.sets)
 
 
 def make_batch(
@@ -66,34 +65,10 @@ def make_batch(
 ) -> TrainingBatch:
     """Return the given queries of each shard as one batch; all randomness comes from `rng`."""
     augmentation = augmentation or AugmentationConfig()
-    parts = [_part_batch(shard, rows, config, rng, augmentation) for shard, rows in zip(shards, queries, strict=True)]
-    templates = [crops for part in parts for crops in part.templates]
-    diameters = [shard.diameter_m for shard, part in zip(shards, parts, strict=True) for _ in part.templates]
-    first = np.cumsum([0, *(len(part.templates) for part in parts)])
-    half_tangent = torch.cat([part.half_tangent for part in parts])
-    Ts = np.concatenate([part.Ts_crop_part for part in parts])
-    return TrainingBatch(
-        QueryInputs(torch.cat([p.rgb for p in parts]), torch.cat([p.masks for p in parts]), half_tangent),
-        collate(templates, diameters),
-        torch.from_numpy(np.concatenate([first[k] + part.sets for k, part in enumerate(parts)])),
-        ViewPoses.of(torch.tensor(Ts, dtype=torch.float32)[:, None], half_tangent[:, None]),
-        torch.cat([p.points for p in parts]),
-        torch.cat([p.coverage for p in parts]),
-        Ts,
-        tuple((k, int(row)) for k, rows in enumerate(queries) for row in rows),
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class _PartBatch(TensorRecord):
-    rgb: Float[Tensor, "n 3 size size"]
-    masks: Float[Tensor, "n size size"]
-    half_tangent: Float[Tensor, "n"]
-    points: Float[Tensor, "n cells 3"]
-    coverage: Float[Tensor, "n cells"]
-    Ts_crop_part: Float[np.ndarray, "n 4 4"]
-    templates: list[TemplateCrops]
-    sets: Int[np.ndarray, "n"]
+    batches = [_part_batch(shard, rows, config, rng, augmentation) for shard, rows in zip(shards, queries, strict=True)]
+    first = np.cumsum([0, *(len(batch.templates.diameter_m) for batch in batches)]).tolist()
+    sets = torch.cat([batch.sets + k for batch, k in zip(batches, first, strict=False)])
+    return dataclasses.replace(TrainingBatch.cat(batches), sets=sets)
 
 
 def _part_batch(
@@ -102,7 +77,8 @@ def _part_batch(
     config: RayPoseConfig,
     rng: np.random.Generator,
     augmentation: AugmentationConfig,
-) -> _PartBatch:
+) -> TrainingBatch:
+    """Return queries of one shard, all of which show the same part."""
     masks = np.stack([perturb_mask(shard.masks[row], augmentation, rng) for row in rows])
     shared = None if config.is_fine else _draw_over_sphere(shard, config, rng)
     if shared is None:
@@ -116,22 +92,22 @@ def _part_batch(
     sampled, points_m, coverage = _sample(shard, rows, masks, recrops, config)
     gain = torch.tensor(1 + augmentation.brightness * rng.uniform(-1, 1, len(rows)), dtype=torch.float32)
     rgb = (sampled[:, :3] * gain[:, None, None, None]).clamp(0, 1)
-    # Of equivalent poses, those that are nearest to one another are told.
+    # Of equivalent poses, those that are nearest to one another.
     if shared is None:
         truths = Ts
         templates = [_draw_around(shard, T, config, rng).nearest_to(T, shard.symmetries) for T in Ts]
     else:
         truths = np.stack([_nearest_to_a_template(shard, T, shared) for T in Ts])
         templates = [shared]
-    return _PartBatch(
-        rgb,
-        sampled[:, 3],
-        torch.tensor(recrops.half_tangent, dtype=torch.float32),
+    half_tangent = torch.tensor(recrops.half_tangent, dtype=torch.float32)
+    return TrainingBatch(
+        QueryInputs(rgb, sampled[:, 3], half_tangent),
+        collate(templates, [shard.diameter_m] * len(templates)),
+        torch.arange(len(rows)) if shared is None else torch.zeros(len(rows), dtype=torch.long),
+        ViewPoses.of(torch.tensor(truths, dtype=torch.float32)[:, None], half_tangent[:, None]),
         _in_part(points_m, truths) / shard.diameter_m,
         coverage,
         truths,
-        templates,
-        np.arange(len(rows)) if shared is None else np.zeros(len(rows), int),
     )
 
 
