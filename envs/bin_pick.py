@@ -31,25 +31,82 @@ ABSTAINED = PickResult(PickOutcome.NO_GRASP, "the action abstained")
 
 
 class BinPickEnv(BinEnv, EzPickle):
-    """Empty a bin of parts with a robot arm, one attempt a step.
+    """Empty a bin of parts with a robot arm: one step is one attempt to pick a part.
 
-    **Observation** (`Dict`): see `simpick.envs.spaces.observation_table`; an overhead RGB-D image with instance
-    ids, the camera's intrinsics and pose, the number of parts left and the last outcome.
+    ## Description
 
-    **Action** (`Box(-1, 1, (10,))`): TCP position in the workspace (3), 6D rotation (6), opening (1); see
-    `simpick.envs.actions`, which turns grasps into actions. All zeros abstain.
+    A bin of rigid parts stands in front of an arm with a gripper; a chute stands beside it. An action names where the
+    gripper closes. The arm moves there from home, closes, lifts, carries what it holds to the chute, releases it and
+    returns home. It stops where it is blocked. Delivered parts are removed from the scene.
 
-    **Reward**: +1 for each part delivered, -0.1 for an attempt that delivered none, -0.1 more for a collision.
+    `render` shows the `overview` camera: ``rgb_array`` the present frame, ``rgb_array_list`` every frame of the motion
+    since the last call (25 per second of simulated time).
 
-    **Termination**: the bin is empty, `max_consecutive_failures` attempts in a row delivered nothing (VGN's
-    protocol), or the physics blew up (``simulation_fault``). **Truncation**: `max_picks` attempts.
+    ## Action Space
 
-    **Info** (reset and step): ``is_success`` (the bin is empty) and ``truth``, arrays for evaluation only
-    with a row for each instance, NaN once it is removed; after a step also ``pick``, the `PickRecord`, and ``ended``,
-    why the episode ended, or "".
+    `Box(-1.0, 1.0, (10,), float32)`; `simpick.envs.actions` converts TCP poses to actions and back.
 
-    Rendering shows the `overview` camera: ``rgb_array`` the current frame, ``rgb_array_list`` every frame of the
-    motion since the last call (25 a second of simulated time).
+    | Num | Action | At -1 | At 1 | Unit |
+    |---|---|---|---|---|
+    | 0-2 | TCP position x, y, z in the world | lower corner of `workspace` | upper corner | m |
+    | 3-8 | first two columns of the TCP's rotation (6D representation) | -1 | 1 | - |
+    | 9 | opening of the gripper before it closes | 0 | 0.085 | m |
+
+    An action of zeros attempts no pick; the attempt counts.
+
+    ## Observation Space
+
+    `Dict`, with the overhead image at its default size:
+
+    | Key | Observation | Min | Max | Shape and type | Unit |
+    |---|---|---|---|---|---|
+    | `rgb` | overhead image | 0 | 255 | (480, 640, 3) uint8 | - |
+    | `depth` | distance along the optical axis; 0: no reading | 0 | 10 | (480, 640) float32 | m |
+    | `segmentation` | 1 + instance id of the part seen in each pixel; 0: none | 0 | 50 | (480, 640) uint8 | - |
+    | `instance_parts` | index into `part_names` per instance id, padded with -1 | -1 | 49 | (50,) int16 | - |
+    | `camera_matrix` | intrinsics K; pixel centres at +0.5 | 0 | 100000 | (3, 3) float64 | px |
+    | `T_world_camera` | camera pose, OpenCV axes (+z forward) | -10 | 10 | (4, 4) float64 | m |
+    | `remaining` | parts still in the bin | 0 | 50 | () int64 | - |
+    | `last_outcome` | 1 + index of the last outcome in `OUTCOMES`; 0: no pick yet | 0 | 11 | () int64 | - |
+
+    ## Information
+
+    `reset` and `step` return ``is_success`` (the bin is empty) and ``truth``, arrays with one row per instance for
+    evaluation only, NaN once an instance is removed. `step` adds ``pick``, the `PickRecord` of the attempt, and
+    ``ended``, the reason why the episode ended, or "".
+
+    ## Rewards
+
+    +1 per part delivered, -0.1 for an attempt that delivered none, and another -0.1 for a collision.
+
+    ## Starting State
+
+    `count` parts drawn from `parts` were dropped into the bin and lie still; the arm is at home. Everything random
+    about the bin follows from the seed. ``options={"scene_file": path}`` loads a scene saved by `Scene.save` instead.
+
+    ## Episode End
+
+    1. Termination: the bin is empty (``cleared``).
+    2. Termination: `max_consecutive_failures` attempts in a row delivered nothing (``consecutive_failures``).
+    3. Termination: the physics diverged (``simulation_fault``).
+    4. Truncation: `max_picks` attempts.
+
+    ## Arguments
+
+    | Parameter | Default | Description |
+    |---|---|---|
+    | `parts` | `()` | names or mesh files that the bin is filled from; the whole library if empty |
+    | `count` | `12` | parts in the bin, 1 to 50 |
+    | `gripper` | `'jaw'` | name of the gripper: jaw, suction, or one that another package adds |
+    | `randomization` | `'default'` | how much looks vary with the seed: default, none or strong |
+    | `max_consecutive_failures` | `2` | failed attempts in a row that end the episode |
+    | `max_picks` | `None` | attempts that end the episode; None for no limit |
+    | `scene_config` | `None` | sets every detail instead of the first four arguments |
+    | `render_mode` | `None` | None, rgb_array or rgb_array_list |
+
+    ## Version History
+
+    * v0: initial version.
     """
 
     def __init__(
@@ -63,10 +120,7 @@ class BinPickEnv(BinEnv, EzPickle):
         scene_config: SceneConfig | None = None,
         render_mode: str | None = None,
     ) -> None:
-        """Make the environment; nothing is simulated before `reset`.
-
-        `parts` are names or mesh files to draw the bin's `count` parts from (the whole library if empty).
-        `scene_config` sets every detail instead of `parts`, `count`, `gripper` and `randomization`.
+        """Make the environment; nothing is simulated before `reset`. See the class for the arguments.
 
         Raises:
             ConfigError, UnknownPartError, MeshError: the configuration or a part is not valid.

@@ -44,29 +44,85 @@ _STILL_SPEED_M_S = 0.01
 
 
 class BinServoEnv(BinEnv, EzPickle):
-    """Steer the arm at 20 Hz: for reinforcement learning, imitation and teleoperation.
+    """Steer the arm at 20 Hz, for reinforcement learning, imitation and teleoperation.
 
-    **Observation** (`Dict`): see `simpick.envs.servo_spaces.servo_observation_table`; images of the overhead and
-    wrist cameras (as chosen by `images`), joint positions and velocities, the TCP's pose, the gripper's opening or
-    its seal, and the number of parts left in the bin.
+    ## Description
 
-    **Action** (`Box(-1, 1, (7,))`): the TCP's linear and angular velocity, in *world* axes and about the TCP, and the
-    gripper's rate: positive closes, negative opens. Zeros hold everything. See `servo_spaces.ACTION_TABLE` for the
-    scales. The velocity ramps linearly to the commanded one within the tick. Joint limits, joint speeds and the box
-    `SERVO_WORKSPACE` are kept: what cannot be followed is left out.
+    The cell is that of `BinPickEnv`; one step is one control tick of 50 ms. An action is the TCP's velocity and the
+    gripper's rate. The velocity changes linearly to the commanded one within the tick. Joint limits, joint speeds and
+    the box `SERVO_WORKSPACE` are kept: what cannot be followed is left out. A part that lies in the chute and is
+    released counts as delivered and is removed from the scene.
 
-    **Reward**: +1 for each part delivered (in the chute and let go of; it is then taken out of the scene), -0.01 for
-    each tick with a collision.
+    `render` shows the `overview` camera: ``rgb_array`` the present frame, ``rgb_array_list`` every frame since the last
+    call (20 per second of simulated time).
 
-    **Termination**: nothing is left to pick: no part is in the bin, in the gripper or in motion (``cleared``); or the
-    physics blew up (``simulation_fault``). **Truncation**: `max_ticks` steps.
+    ## Action Space
 
-    **Info** (reset and step): ``is_success`` (every part was delivered, none was lost) and ``truth``, arrays for
-    evaluation only with a row for each instance, NaN once it is removed; after a step also ``delivered``, the
-    instances delivered in this tick, ``collision``, and ``ended``, why the episode ended, or "".
+    `Box(-1.0, 1.0, (7,), float32)`, velocities in world axes:
 
-    Rendering shows the `overview` camera: ``rgb_array`` the current frame, ``rgb_array_list`` every frame since the
-    last call (20 a second of simulated time).
+    | Num | Action | At -1 | At 1 | Unit |
+    |---|---|---|---|---|
+    | 0-2 | linear velocity of the TCP along world x, y, z | -0.25 | 0.25 | m/s |
+    | 3-5 | angular velocity about world x, y, z through the TCP | -1.5708 | 1.5708 | rad/s |
+    | 6 | gripper: > 0 closes or switches the vacuum on, < 0 opens or off, 0 holds | -0.17 | 0.17 | m/s |
+
+    An action of zeros holds arm and gripper.
+
+    ## Observation Space
+
+    `Dict`, with both cameras at their default size and the jaw. With the suction head, ``suction_sealed`` stands in
+    place of ``gripper_opening``: 1 while anything is held.
+
+    | Key | Observation | Min | Max | Shape and type | Unit |
+    |---|---|---|---|---|---|
+    | `overhead` | image from above the bin | 0 | 255 | (120, 160, 3) uint8 | - |
+    | `wrist` | image from the camera on the hand | 0 | 255 | (120, 160, 3) uint8 | - |
+    | `joint_positions` | of the arm | -6.5 | 6.5 | (6,) float32 | rad |
+    | `joint_velocities` | of the arm | -10 | 10 | (6,) float32 | rad/s |
+    | `T_world_tcp` | pose of the tool's centre point | -10 | 10 | (4, 4) float32 | m |
+    | `gripper_opening` | distance between the pads | 0 | 0.085 | (1,) float32 | m |
+    | `remaining` | parts still in the bin | 0 | 50 | () int64 | - |
+
+    ## Information
+
+    `reset` and `step` return ``is_success`` (every part was delivered, none was lost) and ``truth``, arrays with one
+    row per instance for evaluation only, NaN once an instance is removed. `step` adds ``delivered``, the instances
+    delivered in this tick, ``collision``, and ``ended``, the reason why the episode ended, or "".
+
+    ## Rewards
+
+    +1 per part delivered, -0.01 per tick in which the arm or the gripper collides with bin, chute or table.
+
+    ## Starting State
+
+    `count` parts drawn from `parts` were dropped into the bin and lie still; the arm is at home, the gripper open.
+    Everything random about the bin follows from the seed. ``options={"scene_file": path}`` loads a scene saved by
+    `Scene.save` instead.
+
+    ## Episode End
+
+    1. Termination: no part is in the bin, in the gripper or in motion (``cleared``).
+    2. Termination: the physics diverged (``simulation_fault``).
+    3. Truncation: `max_ticks` steps.
+
+    ## Arguments
+
+    | Parameter | Default | Description |
+    |---|---|---|
+    | `parts` | `()` | names or mesh files that the bin is filled from; the whole library if empty |
+    | `count` | `12` | parts in the bin, 1 to 50 |
+    | `gripper` | `'jaw'` | name of the gripper: jaw, suction, or one that another package adds |
+    | `randomization` | `'default'` | how much looks vary with the seed: default, none or strong |
+    | `images` | `('overhead', 'wrist')` | cameras in the observation; without any, nothing is rendered |
+    | `image_size` | `(160, 120)` | width and height of the images in pixels |
+    | `image_quality` | `FAST_IMAGES` | shadows and anti-aliasing of the images |
+    | `max_ticks` | `1200` | steps that end the episode; None for no limit |
+    | `scene_config` | `None` | sets every detail instead of `parts`, `count`, `gripper`, looks and image size |
+    | `render_mode` | `None` | None, rgb_array or rgb_array_list |
+
+    ## Version History
+
+    * v0: initial version.
     """
 
     metadata = {"render_modes": list(RENDER_MODES), "render_fps": TICK_HZ}  # noqa: RUF012
@@ -84,11 +140,7 @@ class BinServoEnv(BinEnv, EzPickle):
         scene_config: SceneConfig | None = None,
         render_mode: str | None = None,
     ) -> None:
-        """Make the environment; nothing is simulated before `reset`.
-
-        `parts` are names or mesh files to draw the bin's `count` parts from (the whole library if empty). `images`
-        names the cameras in the observation; without any, nothing is rendered. `image_size` is (width, height).
-        `scene_config` sets every detail instead of `parts`, `count`, `gripper`, `randomization` and `image_size`.
+        """Make the environment; nothing is simulated before `reset`. See the class for the arguments.
 
         Raises:
             ConfigError, UnknownPartError, MeshError: the configuration or a part is not valid.

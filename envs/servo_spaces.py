@@ -1,4 +1,4 @@
-"""What an agent sees and does in `BinServoEnv`: tables of observations and actions, and the meaning of an action."""
+"""Spaces of `BinServoEnv`: one table each makes the space and its documentation; and the meaning of an action."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from simpick.assets.grippers import get_gripper
 from simpick.assets.grippers.servos import OPENING_SPEED_M_S
-from simpick.envs.spaces import FAR_M, ObservationItem, markdown_table
+from simpick.envs.spaces import FAR_M, ActionItem, ObservationItem
 from simpick.errors import ConfigError
 from simpick.scene import SceneConfig
 from simpick.scene.config import MAX_PARTS, CameraConfig
@@ -31,15 +31,29 @@ MAX_JOINT_SPEED_RAD_S = 10.0
 """Bound of observed joint speeds, three times the arm's limit."""
 
 ACTION_TABLE = (
-    ("0-2", "linear velocity of the TCP along world x, y, z", f"{MAX_LINEAR_SPEED_M_S} m/s"),
-    ("3-5", "angular velocity about world x, y, z, turning about the TCP", f"{MAX_ANGULAR_SPEED_RAD_S:.4f} rad/s"),
-    (
+    ActionItem(
+        "0-2",
+        "linear velocity of the TCP along world x, y, z",
+        f"{-MAX_LINEAR_SPEED_M_S}",
+        f"{MAX_LINEAR_SPEED_M_S}",
+        "m/s",
+    ),
+    ActionItem(
+        "3-5",
+        "angular velocity about world x, y, z through the TCP",
+        f"{-MAX_ANGULAR_SPEED_RAD_S:.4f}",
+        f"{MAX_ANGULAR_SPEED_RAD_S:.4f}",
+        "rad/s",
+    ),
+    ActionItem(
         "6",
         "gripper: > 0 closes or switches the vacuum on, < 0 opens or off, 0 holds",
-        f"{OPENING_SPEED_M_S} m/s",
+        f"{-OPENING_SPEED_M_S}",
+        f"{OPENING_SPEED_M_S}",
+        "m/s",
     ),
 )
-"""Elements of an action, their meaning, and what 1 stands for. An action of zeros holds arm and gripper."""
+"""Elements of an action of `BinServoEnv`. An action of zeros holds arm and gripper."""
 
 _CAMERA_MEANING = {"overhead": "image from above the bin", "wrist": "image from the camera on the hand"}
 IMAGES = tuple(_CAMERA_MEANING)
@@ -112,14 +126,6 @@ def servo_observation_table(config: SceneConfig, images: Sequence[str]) -> tuple
 def servo_observation_space(config: SceneConfig, images: Sequence[str]) -> spaces.Dict:
     """Return the observation space for a scene's gripper and these cameras."""
     return spaces.Dict({item.key: item.space for item in servo_observation_table(config, images)})
-
-
-def servo_observation_docs() -> str:
-    """Return the tables of observations (with both cameras and a jaw) and of actions in Markdown."""
-    actions = [f"| {elements} | {meaning} | {unit} |" for elements, meaning, unit in ACTION_TABLE]
-    head = ["", "| action | meaning | at 1 |", "|---|---|---|"]
-    observations = markdown_table(servo_observation_table(servo_scene_config(("hex_bolt",)), IMAGES))
-    return "\n".join([observations, *head, *actions])
 
 
 def servo_scene_config(

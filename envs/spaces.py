@@ -1,4 +1,4 @@
-"""What an agent sees and does in `BinPickEnv`: one table makes the observation space and its documentation."""
+"""Spaces of `BinPickEnv`: one table each makes the space and its documentation."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from gymnasium import spaces
 
+from simpick.assets.grippers import JAW_STROKE_M
 from simpick.records import PickOutcome
 from simpick.scene.config import MAX_PARTS
 
@@ -30,6 +31,28 @@ class ObservationItem:
     space: spaces.Space
 
 
+@dataclass(frozen=True)
+class ActionItem:
+    """One row of an action table: some elements of the action, each in [-1, 1]."""
+
+    elements: str
+    """Their numbers, such as 0-2."""
+    meaning: str
+    low: str
+    """What -1 stands for."""
+    high: str
+    """What 1 stands for."""
+    unit: str
+
+
+ACTION_TABLE = (
+    ActionItem("0-2", "TCP position x, y, z in the world", "lower corner of `workspace`", "upper corner", "m"),
+    ActionItem("3-8", "first two columns of the TCP's rotation (6D representation)", "-1", "1", "-"),
+    ActionItem("9", "opening of the gripper before it closes", "0", f"{JAW_STROKE_M}", "m"),
+)
+"""Elements of an action of `BinPickEnv`. An action of zeros attempts no pick."""
+
+
 def observation_table(width: int, height: int) -> tuple[ObservationItem, ...]:
     """Return the rows for an overhead camera of this size."""
     box = spaces.Box
@@ -37,24 +60,24 @@ def observation_table(width: int, height: int) -> tuple[ObservationItem, ...]:
         ObservationItem("rgb", "overhead image", "", box(0, 255, (height, width, 3), np.uint8)),
         ObservationItem(
             "depth",
-            "distance along the optical axis; 0 = no reading",
+            "distance along the optical axis; 0: no reading",
             "m",
             box(0.0, FAR_M, (height, width), np.float32),
         ),
         ObservationItem(
             "segmentation",
-            "1 + instance id of the part in each pixel, as a detector would see it; 0 = no part",
+            "1 + instance id of the part seen in each pixel; 0: none",
             "",
             box(0, MAX_PARTS, (height, width), np.uint8),
         ),
         ObservationItem(
             "instance_parts",
-            "for each instance id its index into `BinPickEnv.part_names`; -1 pads to the greatest count",
+            "index into `part_names` per instance id, padded with -1",
             "",
             box(-1, MAX_PARTS - 1, (MAX_PARTS,), np.int16),
         ),
         ObservationItem(
-            "camera_matrix", "intrinsics K, pixel centres at +0.5", "px", box(0.0, FAR_PX, (3, 3), np.float64)
+            "camera_matrix", "intrinsics K; pixel centres at +0.5", "px", box(0.0, FAR_PX, (3, 3), np.float64)
         ),
         ObservationItem(
             "T_world_camera", "camera pose, OpenCV axes (+z forward)", "m", box(-FAR_M, FAR_M, (4, 4), np.float64)
@@ -62,7 +85,7 @@ def observation_table(width: int, height: int) -> tuple[ObservationItem, ...]:
         ObservationItem("remaining", "parts still in the bin", "", spaces.Discrete(MAX_PARTS + 1)),
         ObservationItem(
             "last_outcome",
-            "how the last pick ended: 0 = no pick yet, else 1 + index into `OUTCOMES`",
+            "1 + index of the last outcome in `OUTCOMES`; 0: no pick yet",
             "",
             spaces.Discrete(len(OUTCOMES) + 1),
         ),
@@ -75,7 +98,7 @@ def observation_space(width: int, height: int) -> spaces.Dict:
 
 
 def action_space() -> spaces.Box:
-    """Return the action space: TCP position (3), 6D rotation (6) and opening (1), all in [-1, 1]."""
+    """Return the action space; see `ACTION_TABLE`."""
     return spaces.Box(-1.0, 1.0, (10,), np.float32)
 
 
@@ -89,15 +112,24 @@ def outcome_from_index(index: int) -> PickOutcome | None:
     return None if index == 0 else OUTCOMES[index - 1]
 
 
-def observation_docs(width: int = 640, height: int = 480) -> str:
-    """Return the observation table in Markdown, as the documentation shows it."""
-    return markdown_table(observation_table(width, height))
-
-
-def markdown_table(table: Iterable[ObservationItem]) -> str:
-    """Return rows of an observation table in Markdown."""
-    lines = ["| key | shape | dtype | unit | meaning |", "|---|---|---|---|---|"]
+def observation_docs(table: Iterable[ObservationItem]) -> str:
+    """Return the rows of an observation table in Markdown, as the class docstring of an environment holds it."""
+    lines = ["| Key | Observation | Min | Max | Shape and type | Unit |", "|---|---|---|---|---|---|"]
     for item in table:
-        shape = "scalar" if isinstance(item.space, spaces.Discrete) else str(item.space.shape)
-        lines.append(f"| `{item.key}` | {shape} | {item.space.dtype} | {item.unit or '-'} | {item.meaning} |")
+        low, high = _bounds(item.space)
+        shape = f"{item.space.shape} {item.space.dtype}"
+        lines.append(f"| `{item.key}` | {item.meaning} | {low:g} | {high:g} | {shape} | {item.unit or '-'} |")
+    return "\n".join(lines)
+
+
+def _bounds(space: spaces.Space) -> tuple[float, float]:
+    if isinstance(space, spaces.Box):
+        return float(space.low.min()), float(space.high.max())
+    return (0.0, float(space.n) - 1) if isinstance(space, spaces.Discrete) else (0.0, 1.0)
+
+
+def action_docs(table: Iterable[ActionItem]) -> str:
+    """Return the rows of an action table in Markdown, as the class docstring of an environment holds it."""
+    lines = ["| Num | Action | At -1 | At 1 | Unit |", "|---|---|---|---|---|"]
+    lines += [f"| {item.elements} | {item.meaning} | {item.low} | {item.high} | {item.unit} |" for item in table]
     return "\n".join(lines)

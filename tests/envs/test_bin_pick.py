@@ -7,14 +7,12 @@ import sys
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium import spaces
 from gymnasium.utils.env_checker import check_env
 
 import simpick  # noqa: F401 - registers the environments
-from simpick.assets.library import part_names
 from simpick.envs.actions import ABSTAIN, encode_action
 from simpick.envs.bin_pick import BinPickEnv
-from simpick.envs.spaces import OUTCOMES, observation_docs, outcome_from_index, outcome_index
+from simpick.envs.spaces import OUTCOMES, outcome_from_index, outcome_index
 from simpick.errors import ConfigError, UnknownPartError
 from simpick.geometry import transform
 from simpick.records import PickOutcome
@@ -165,13 +163,6 @@ def test_bad_arguments_are_refused_before_anything_is_simulated(arguments, error
 
 def test_outcomes_are_numbered_both_ways() -> None:
     assert [outcome_from_index(outcome_index(o)) for o in (None, *OUTCOMES)] == [None, *OUTCOMES]
-
-
-def test_the_documented_table_names_every_observation() -> None:
-    docs = observation_docs()
-    env = BinPickEnv(parts=part_names()[:1], count=1)
-    assert isinstance(env.observation_space, spaces.Dict)
-    assert all(f"`{key}`" in docs for key in env.observation_space.spaces)
 
 
 def test_a_scene_that_blows_up_ends_as_a_fault_and_the_next_one_is_sound(capfd) -> None:

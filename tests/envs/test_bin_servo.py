@@ -14,7 +14,6 @@ from simpick.envs.servo_spaces import (
     MAX_ANGULAR_SPEED_RAD_S,
     MAX_LINEAR_SPEED_M_S,
     SERVO_WORKSPACE,
-    servo_observation_docs,
 )
 from simpick.errors import ConfigError
 from simpick.geometry import so3_log, transform
@@ -337,10 +336,3 @@ def test_bad_actions_are_refused(action: np.ndarray) -> None:
     env = blind()
     with pytest.raises(ConfigError, match="an action must be 7 finite numbers"):
         env.step(action)
-
-
-def test_the_documented_tables_name_every_observation() -> None:
-    docs = servo_observation_docs()
-    space = BinServoEnv(parts=("hex_nut",)).observation_space
-    assert isinstance(space, spaces.Dict) and all(f"`{key}`" in docs for key in space.spaces)
-    assert f"{MAX_LINEAR_SPEED_M_S} m/s" in docs
