@@ -150,8 +150,8 @@ def test_frames_of_a_motion_come_as_a_list() -> None:
     ("arguments", "error", "text"),
     [
         ({"parts": ["hex_bolt", "nonsense"]}, UnknownPartError, "no part named 'nonsense'. Valid: .*hex_bolt"),
-        ({"count": 0}, ConfigError, "count must be between 1 and 50 parts, got 0"),
-        ({"count": 500}, ConfigError, "count must be between 1 and 50 parts, got 500"),
+        ({"count": 0}, ConfigError, "count must be between 1 and 50, got 0"),
+        ({"count": 500}, ConfigError, "count must be between 1 and 50, got 500"),
         ({"render_mode": "human"}, ConfigError, "render_mode must be None or one of rgb_array, rgb_array_list"),
         ({"max_picks": 0}, ConfigError, "max_picks must be 1 or more, got 0"),
     ],

@@ -320,10 +320,10 @@ def test_a_saved_scene_comes_back_and_one_of_another_gripper_is_refused(tmp_path
     [
         ({"images": ("overhead", "side")}, "images must be distinct names out of overhead, wrist"),
         ({"images": "wrist"}, "images must be distinct names out of overhead, wrist, or .*got 'wrist'"),
-        ({"image_size": (8, 8)}, "camera width_px must be between 16 and 4096, got 8"),
+        ({"image_size": (8, 8)}, "width_px must be between 16 and 4096, got 8"),
         ({"max_ticks": 0}, "max_ticks must be 1 or more, got 0"),
         ({"render_mode": "human"}, "render_mode must be None or one of rgb_array, rgb_array_list"),
-        ({"count": 0}, "count must be between 1 and 50 parts, got 0"),
+        ({"count": 0}, "count must be between 1 and 50, got 0"),
     ],
 )
 def test_bad_arguments_are_refused(arguments: dict, text: str) -> None:
