@@ -4,8 +4,7 @@ from pathlib import Path
 
 from simpick.estimators.raypose import RayPoseEstimator, load_raypose
 from simpick.estimators.raypose.network.config import preset
-from simpick.training.config import TrainConfig
-from simpick.training.trainer import Budget, train
+from simpick.training import Budget, TrainConfig, train
 
 CONFIG = TrainConfig(batch=16, validation_shards=2)
 BUDGET = Budget(minutes=1)

@@ -35,10 +35,10 @@ class Ablate(TrainingOptions):
         from rich.markdown import Markdown
 
         from simpick.training import ablations
+        from simpick.training.budget import Budget
         from simpick.training.curves import plot_scaling, read_log
         from simpick.training.progress import TrainProgress
         from simpick.training.run_folder import TrainingFolder
-        from simpick.training.trainer import Budget
 
         budget = Budget(self.minutes, self.steps)
         ablation = ablations.Ablation(self.network, self.training, budget, self.out, self.resources)

@@ -52,11 +52,12 @@ class Train(TrainingOptions):
 
         from rich.console import Console
 
+        from simpick.training.budget import Budget
         from simpick.training.curves import write_curves
         from simpick.training.distributed import Distributed
         from simpick.training.progress import TrainProgress
         from simpick.training.run_folder import TrainingFolder
-        from simpick.training.trainer import Budget, train
+        from simpick.training.trainer import train
 
         if self.network.is_fine != (self.mode == "fine"):
             raise ConfigError(

@@ -18,10 +18,11 @@ from simpick.estimators.raypose.checkpoints import load_checkpoint
 from simpick.estimators.raypose.diffusion.schedule import SCHEDULES, make_schedule
 from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.network.model import RayPose
+from simpick.training.budget import Budget
 from simpick.training.config import TrainConfig
 from simpick.training.data.shard_stream import ShardStream
 from simpick.training.resources import Resources
-from simpick.training.trainer import Budget, train
+from simpick.training.trainer import train
 from simpick.training.validation import Validation
 
 COMMON_SPREAD = {"spread_deg": 30.0, "spread_m": 0.05}

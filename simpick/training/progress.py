@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from simpick.terminal import Console, share_bar
-from simpick.training.trainer import Budget
+from simpick.training.budget import Budget
 
 
 class TrainProgress:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import json
 import math
 import time
@@ -14,8 +13,8 @@ from typing import Any
 import numpy as np
 import torch
 from torch import nn
+from torch.optim.swa_utils import AveragedModel
 
-from simpick.config import Config, PositiveFloat, PositiveInt
 from simpick.errors import ConfigError, SimpickError
 from simpick.estimators.raypose.checkpoints import load_checkpoint, save_checkpoint
 from simpick.estimators.raypose.diffusion.schedule import make_schedule
@@ -23,12 +22,14 @@ from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.network.encoders.dino_encoder import load_dino_weights
 from simpick.estimators.raypose.network.losses import weighted_sum
 from simpick.estimators.raypose.network.model import RayPose
+from simpick.training.budget import Budget
 from simpick.training.config import TrainConfig
 from simpick.training.data.batch_source import BatchSource
 from simpick.training.data.batches import TrainingBatch
 from simpick.training.data.shard_stream import ShardStream
 from simpick.training.distributed import Distributed
 from simpick.training.graceful_stop import GracefulStop
+from simpick.training.moving_average import moving_average
 from simpick.training.resources import Resources
 from simpick.training.run_folder import TrainingFolder
 from simpick.training.training_step import loss_terms, matching_terms
@@ -36,26 +37,6 @@ from simpick.training.validation import Validation
 
 LOG_STEPS = 20
 """Every so many steps a row of the log says how training goes."""
-
-
-@dataclass(frozen=True)
-class Budget(Config):
-    """When a run ends: after so many steps in all, or after so much time in all, whichever comes first."""
-
-    minutes: PositiveFloat | None = None
-    """Wall-clock time of training, over all resumptions; data that is waited for counts."""
-    steps: PositiveInt | None = None
-    """Steps, over all resumptions."""
-
-    def _check_rules(self) -> None:
-        if self.minutes is None and self.steps is None:
-            raise ConfigError("a run needs an end: give minutes or steps")
-
-    def progress(self, step: int, seconds: float) -> float:
-        """Return the share of the run that is done; 1 or more at its end."""
-        by_steps = step / self.steps if self.steps else 0.0
-        by_time = seconds / (60 * self.minutes) if self.minutes else 0.0
-        return max(by_steps, by_time)
 
 
 def train(
@@ -104,7 +85,7 @@ class _State:
     """All that changes from step to step."""
 
     model: RayPose
-    average: RayPose
+    average: AveragedModel
     optimizer: torch.optim.Optimizer
     step: int = 0
     seconds: float = 0.0
@@ -123,13 +104,6 @@ class _State:
         self.average.load_state_dict(saved["average"])
         self.optimizer.load_state_dict(saved["optimizer"])
         self.step, self.seconds = saved["step"], saved["seconds"]
-
-    def average_in(self, decay: float) -> None:
-        # A young average forgets faster, or it would hold on to random weights for long.
-        decay = min(decay, (1 + self.step) / (10 + self.step))
-        with torch.no_grad():
-            for old, new in zip(self.average.parameters(), self.model.parameters(), strict=True):
-                old.lerp_(new, 1 - decay)
 
 
 def _start(
@@ -160,7 +134,7 @@ def _start(
     model = model.to(device).to(memory_format=torch.channels_last)  # pyright: ignore[reportCallIssue]
     trained = [p for p in model.parameters() if p.requires_grad]
     optimizer = torch.optim.AdamW(trained, lr=config.learning_rate, betas=(0.9, 0.98), weight_decay=config.weight_decay)
-    return _State(model.train(), copy.deepcopy(model).eval(), optimizer)
+    return _State(model.train(), moving_average(model, config.ema_decay), optimizer)
 
 
 class _Trainer:
@@ -245,7 +219,7 @@ class _Trainer:
             )
         state.optimizer.step()
         state.step += 1
-        state.average_in(config.ema_decay)
+        state.average.update_parameters(state.model)
         for name, value in {**terms, "loss": loss}.items():
             self.sums[name] = self.sums.get(name, 0.0) + float(value.detach())
         self.counted += 1
@@ -270,11 +244,13 @@ class _Trainer:
         return self.resources.shards or self.run_folder.shards
 
     def _validate(self, validation: Validation) -> None:
-        figures = validation.measure(self.state.average, self.schedule)
+        average = self.state.average.module
+        assert isinstance(average, RayPose)
+        figures = validation.measure(average, self.schedule)
         self._row("validation", figures)
         card = {"training": json.loads(json.dumps(asdict(self.config))), "validation": figures}
         card |= {"steps": self.state.step, "queries": self._queries(), "hours": self.state.seconds / 3600}
-        save_checkpoint(self.run_folder.weights, self.state.average, card)
+        save_checkpoint(self.run_folder.weights, average, card)
         self.run_folder.save_state(self.state.save())
 
     def _row(self, split: str, figures: dict[str, float]) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from simpick.training.trainer import Budget
+from simpick.training.budget import Budget
 from tests.training.conftest import TINY_TRAINING
 
 pytestmark = pytest.mark.render

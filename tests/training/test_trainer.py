@@ -15,9 +15,10 @@ from simpick.estimators.raypose.diffusion.schedule import SCHEDULES
 from simpick.estimators.raypose.network.config import preset
 from simpick.estimators.raypose.network.loss_weights import LossWeights
 from simpick.training import trainer
+from simpick.training.budget import Budget
 from simpick.training.config import TrainConfig, read_train_config
 from simpick.training.resources import Resources
-from simpick.training.trainer import Budget, train
+from simpick.training.trainer import train
 from tests.training.conftest import TINY, TINY_TRAINING
 
 pytestmark = pytest.mark.render
@@ -72,7 +73,7 @@ def test_training_moves_the_weights_and_their_average_follows(
     one, six = saved(tmp_path), saved(straight)
     moved = [name for name in six["model"] if not torch.equal(one["model"][name], six["model"][name])]
     assert len(moved) > 0.9 * len(six["model"])
-    assert any(not torch.equal(six["average"][name], six["model"][name]) for name in six["model"])
+    assert any(not torch.equal(six["average"][f"module.{name}"], six["model"][name]) for name in six["model"])
 
 
 def test_the_log_has_the_loss_the_rates_and_sampled_poses(straight: Path) -> None:
@@ -96,7 +97,7 @@ def test_the_weights_come_with_their_card(straight: Path) -> None:
     assert card["hours"] == pytest.approx(saved(straight)["seconds"] / 3600)
     average = saved(straight)["average"]
     for name, tensor in checkpoint.model.state_dict().items():
-        assert torch.equal(tensor, average[name].half().float()), name
+        assert torch.equal(tensor, average[f"module.{name}"].half().float()), name
 
 
 def test_a_finished_run_does_nothing_more(straight: Path, resources: Resources) -> None:
@@ -108,8 +109,9 @@ def test_a_finished_run_does_nothing_more(straight: Path, resources: Resources) 
 def test_a_run_begins_with_given_weights(straight: Path, resources: Resources, tmp_path: Path) -> None:
     slow = replace(TINY_TRAINING, learning_rate=1e-12)
     train(NETWORK, slow, Budget(steps=1), tmp_path, resources=resources, start_from=straight / "weights.safetensors")
-    for name, tensor in saved(straight)["average"].items():
-        assert torch.allclose(saved(tmp_path)["model"][name], tensor.half().float(), atol=1e-6), name
+    average, begun = saved(straight)["average"], saved(tmp_path)["model"]
+    for name, tensor in begun.items():
+        assert torch.allclose(tensor, average[f"module.{name}"].half().float(), atol=1e-6), name
 
 
 def test_weights_of_another_size_are_refused(straight: Path, resources: Resources, tmp_path: Path) -> None:
