@@ -1,4 +1,4 @@
-"""Which estimates and truths count, and which belong together: BOP's rules for the localization task."""
+"""Selection and matching of estimates and truths by BOP's rules for the localization task."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from simpick.errors import ConfigError
 
 
 def count_targets(visible_fractions: Float[np.ndarray, "g"], min_visible: float = 0.1) -> int:
-    """Return the ``inst_count`` that BOP writes into ``test_targets_bop19``: instances at least 10 % visible."""
+    """Return the ``inst_count`` of ``test_targets_bop19``: the number of instances that are at least 10 % visible."""
     return int((visible_fractions >= min_visible).sum())
 
 
 def top_estimates(scores: Float[np.ndarray, "e"], inst_count: int) -> Int[np.ndarray, "k"]:
-    """Return the indices of the `inst_count` surest estimates, surest first; of equals, the earlier.
+    """Return the indices of the `inst_count` highest scores, highest first; ties go to the earlier.
 
     Raises:
         ConfigError: a score is not finite.
@@ -25,15 +25,15 @@ def top_estimates(scores: Float[np.ndarray, "e"], inst_count: int) -> Int[np.nda
 
 
 def valid_truths(visible_fractions: Float[np.ndarray, "g"], inst_count: int) -> Int[np.ndarray, "k"]:
-    """Return the indices of the `inst_count` most visible truths, ascending; of equals, the earlier counts."""
+    """Return the indices of the `inst_count` most visible truths, ascending; ties go to the earlier."""
     return np.sort(np.argsort(-visible_fractions, kind="stable")[:inst_count])
 
 
 def greedy_matches(errors: Float[np.ndarray, "e g"], thresholds: Float[np.ndarray, "k"]) -> Int[np.ndarray, "k e"]:
-    """Return for every threshold and estimate the truth it is matched to, or -1.
+    """Return the index of the truth matched to each estimate at each threshold, or -1.
 
-    Estimates choose in the order of the rows, surest first: each the unmatched truth with the least error, provided
-    that it is *below* the threshold; of equals, the first. Each truth is matched once.
+    Estimates choose in the order of the rows, highest score first: each takes the unmatched truth with the least error,
+    if that error is *below* the threshold; ties go to the first. Each truth is matched once.
     """
     errors = np.where(np.isnan(errors), np.inf, errors)
     matches = np.full((len(thresholds), len(errors)), -1)

@@ -1,4 +1,4 @@
-"""What of a part enters its pose errors: vertices, diameter, symmetries."""
+"""`EvaluationModel`: the vertices, diameter and symmetries of a part that pose errors depend on."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from simpick.geometry import SymmetryGroup, farthest_points
 
 @dataclass(frozen=True, eq=False)
 class EvaluationModel:
-    """A part as the error functions see it. Keep one a part: its symmetries and search tree are computed once."""
+    """The geometry that pose errors depend on. Symmetries and search tree are computed once per object."""
 
     name: str
     """The part's name, or a BOP data set's obj_id as text."""
@@ -41,12 +41,12 @@ class EvaluationModel:
 
     @cached_property
     def symmetry_transforms(self) -> Float[np.ndarray, "m 4 4"]:
-        """Return the part's self-maps, continuous ones discretised as in the BOP toolkit."""
+        """Return the part's symmetries, continuous ones discretized as in the BOP toolkit."""
         return self.symmetries.transforms_by_step(self.max_symmetry_step)
 
     @cached_property
     def spread_vertices(self) -> Int[np.ndarray, "k"]:
-        """Return indices of a few vertices far from each other, which between them feel any motion of the part."""
+        """Return indices of a few vertices far from each other, some of which move in any motion of the part."""
         return farthest_points(self.vertices_m, min(16, len(self.vertices_m)))
 
     @cached_property

@@ -1,7 +1,7 @@
-"""Pose errors as the BOP toolkit defines them, over a part's symmetries; transforms in metres, batches broadcast.
+"""Pose errors over a part's symmetries, as defined by the BOP toolkit; transforms in metres, batches broadcast.
 
-Surface distances come out in metres, projection distances in pixels. BOP puts pixel centres at integers, simpick at
-integer + 0.5; the offset cancels in every difference here, so no conversion is needed.
+Surface distances are in metres, projection distances in pixels. BOP has pixel centres at integers, simpick at integer
++ 0.5; the offset cancels in every difference here, so no conversion is needed.
 
 Sources: Hodan et al., "BOP Challenge 2020 on 6D Object Localization" (MSSD, MSPD); Hinterstoisser et al., ACCV 2012
 (ADD, ADD-S).
@@ -22,10 +22,10 @@ from simpick.records import PoseError
 def batch_pose_errors(
     Ts_camera_estimate: Float[np.ndarray, "n 4 4"], Ts_camera_truth: Float[np.ndarray, "n 4 4"], model: EvaluationModel
 ) -> list[PoseError]:
-    """Return the errors of estimates of one part against their truths, pair by pair.
+    """Return the errors of estimates of one part, each compared with its truth.
 
-    Rotation and translation are measured against the truth's equivalent pose that is turned least against the
-    estimate. `lateral_mm` is the offset across the line of sight to that pose's origin, `depth_mm` the difference in z.
+    Rotation and translation errors refer to the equivalent true pose with the least rotation to the estimate.
+    `lateral_mm` is the offset across the line of sight to that pose's origin, `depth_mm` the difference in z.
     """
     truth = model.symmetries.closest_equivalent(Ts_camera_truth, Ts_camera_estimate)
     turn = np.swapaxes(truth[:, :3, :3], -1, -2) @ Ts_camera_estimate[:, :3, :3]
@@ -54,7 +54,7 @@ def add(
     Ts_a_truth: Float[np.ndarray, "*#batch 4 4"],
     model: EvaluationModel,
 ) -> Float[np.ndarray, "*batch"]:
-    """Return the mean distance between corresponding vertices in metres (ADD); symmetries do not count."""
+    """Return the mean distance between corresponding vertices in metres (ADD), without symmetries."""
     estimate, truth, batch = _pairs(Ts_a_estimate, Ts_a_truth)
     difference = [_affine(E - T, model.vertices_m) for E, T in zip(estimate, truth, strict=True)]
     return np.array([np.linalg.norm(d, axis=-1).mean() for d in difference]).reshape(batch)
@@ -67,7 +67,7 @@ def add_s(
 ) -> Float[np.ndarray, "*batch"]:
     """Return the mean distance in metres from true vertices to the nearest estimated vertex (ADD-S, BOP's ``adi``)."""
     estimate, truth, batch = _pairs(Ts_a_estimate, Ts_a_truth)
-    # Distances are the same in the estimate's own part frame, where one tree serves all pairs.
+    # Distances are equal in the estimate's part frame, where one search tree serves all pairs.
     points = [transform_points(T, model.vertices_m) for T in invert(estimate) @ truth]
     return np.array([model.tree.query(p)[0].mean() for p in points]).reshape(batch)
 
@@ -95,10 +95,10 @@ def mspd(
     """Return the maximum symmetry-aware projection distance in pixels of this camera.
 
     ``min over S in symmetries, max over vertices x of |project(T_estimate x) - project(T_truth S x)|``. BOP scales it
-    to an image width of 640; `target_errors` does that.
+    to an image width of 640, as does `target_errors`.
     """
     estimate, truth, batch = _pairs(Ts_camera_estimate, Ts_camera_truth)
-    # A wild estimate may put a vertex into the camera's own plane: its error is infinite, not a warning.
+    # A vertex of a bad estimate may lie in the camera's plane: its error is infinite, without a warning.
     with np.errstate(divide="ignore", invalid="ignore"):
         errors = [_closest_symmetry_error(E, T, model, camera.project) for E, T in zip(estimate, truth, strict=True)]
     return np.array(errors, float).reshape(batch)
@@ -107,7 +107,7 @@ def mspd(
 def bounding_spheres_overlap(
     Ts_a_estimate: Float[np.ndarray, "*#batch 4 4"], Ts_a_truth: Float[np.ndarray, "*#batch 4 4"], diameter_m: float
 ) -> Bool[np.ndarray, "*batch"]:
-    """Return whether the part frames' origins are closer than a diameter; BOP sets MSSD to infinity where not."""
+    """Return whether the part frames' origins are closer than a diameter; otherwise BOP sets MSSD to infinity."""
     return np.asarray(np.linalg.norm(Ts_a_estimate[..., :3, 3] - Ts_a_truth[..., :3, 3], axis=-1) < diameter_m)
 
 
@@ -116,7 +116,7 @@ def sphere_projections_overlap(
     Ts_camera_truth: Float[np.ndarray, "*#batch 4 4"],
     diameter_m: float,
 ) -> Bool[np.ndarray, "*batch"]:
-    """Return whether the images of the bounding spheres overlap, roughly; BOP sets VSD to 1 where not."""
+    """Return whether the images of the bounding spheres overlap approximately; otherwise BOP sets VSD to 1."""
     a, b = Ts_camera_estimate[..., :3, 3], Ts_camera_truth[..., :3, 3]
     with np.errstate(divide="ignore", invalid="ignore"):
         apart = np.linalg.norm(a[..., :2] / a[..., 2:] - b[..., :2] / b[..., 2:], axis=-1)
@@ -132,9 +132,9 @@ def _closest_symmetry_error(
 ) -> float:
     """Return min over symmetries S, max over vertices x of |view(T_estimate x) - view(T_truth S x)|, exactly.
 
-    A round part has hundreds of symmetries and thousands of vertices, of which few matter. Some vertices bound every
-    symmetry's error from below; of the symmetry with the least bound, the worst vertex of all is found, which makes
-    its bound exact and tightens the others. When the least bound is an exact one, no other symmetry can undercut it.
+    A round part has hundreds of symmetries and thousands of vertices, few of which matter. Any vertices give a lower
+    bound of each symmetry's error. For the symmetry with the least bound, the worst of all vertices is found, which
+    makes its bound exact and tightens the others. Once the least bound is exact, no other symmetry can be better.
     """
     vertices, equivalents = model.vertices_m, T_truth @ model.symmetry_transforms
     estimate = view(_affine(T_estimate, vertices))
@@ -154,7 +154,7 @@ def _closest_symmetry_error(
 
 
 def _pairs(estimate: np.ndarray, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[int, ...]]:
-    """Return the broadcast transforms as two flat lists, with the shape that the answer shall have."""
+    """Return the broadcast transforms as two flat lists, and the batch shape of the result."""
     batch = np.broadcast_shapes(estimate.shape[:-2], truth.shape[:-2])
     flat = (np.broadcast_to(T, (*batch, 4, 4)).reshape(-1, 4, 4) for T in (estimate, truth))
     return next(flat), next(flat), batch

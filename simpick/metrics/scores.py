@@ -1,7 +1,7 @@
 """BOP's average recalls: AR_VSD, AR_MSSD, AR_MSPD and their mean, pooled over all targets, in all and per part.
 
-One `TargetErrors` stands for one part in one image, however many instances of it are there: what a row of
-``test_targets_bop19.json`` asks for. Constants and rules are those of the BOP toolkit's ``eval_bop19_pose``.
+One `TargetErrors` represents all instances of one part in one image, like a row of ``test_targets_bop19.json``.
+Constants and rules are those of the BOP toolkit's ``eval_bop19_pose``.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from simpick.metrics.pose_errors import bounding_spheres_overlap, mspd, mssd, sp
 from simpick.metrics.visible_surface import VSD_DELTA_M, VSD_TAUS, vsd
 
 VSD_THRESHOLDS = np.arange(0.05, 0.51, 0.05)
-"""An estimate is correct if its VSD is below; a recall for each, at each of `VSD_TAUS`."""
+"""An estimate is correct if its VSD is below; there is one recall per threshold and tolerance in `VSD_TAUS`."""
 MSSD_THRESHOLDS = np.arange(0.05, 0.51, 0.05)
 """An estimate is correct if its MSSD, as a fraction of the diameter, is below."""
 MSPD_THRESHOLDS_PX = np.arange(5.0, 51.0, 5.0)
@@ -29,21 +29,21 @@ MSPD_THRESHOLDS_PX = np.arange(5.0, 51.0, 5.0)
 
 @dataclass(frozen=True, eq=False)
 class DepthImages:
-    """What VSD needs beside poses, all in the frame's own camera."""
+    """The depth images that VSD needs, all in the frame's own camera."""
 
     scene_m: Float[np.ndarray, "height width"]
     """The scene as measured or rendered; 0 means no reading."""
     estimates_m: Float[np.ndarray, "e height width"]
-    """The part alone, rendered at each estimate; 0 beside it."""
+    """The part alone, rendered at each estimate; 0 outside it."""
     truths_m: Float[np.ndarray, "g height width"]
-    """The part alone, rendered at each true pose; 0 beside it."""
+    """The part alone, rendered at each true pose; 0 outside it."""
     delta_m: float = VSD_DELTA_M
     """Tolerance of the visibility test."""
 
 
 @dataclass(frozen=True, eq=False)
 class TargetErrors:
-    """Errors of the counting estimates (surest first) against the counting truths of one part in one image."""
+    """Errors between the estimates (highest score first) and the truths that count, of one part in one image."""
 
     name: str
     """The part's name."""
@@ -52,11 +52,11 @@ class TargetErrors:
     mspd_px: Float[np.ndarray, "e g"]
     """Scaled to an image width of 640."""
     vsd: Float[np.ndarray, "e g t"] | None
-    """For each of `VSD_TAUS`; None where no depth was rendered."""
+    """For each of `VSD_TAUS`; None if no depth was rendered."""
 
     @property
     def targets(self) -> int:
-        """Return how many instances were to be found."""
+        """Return the number of instances to be found."""
         return self.mssd.shape[1]
 
 
@@ -65,7 +65,7 @@ class AverageRecalls:
     """Recalls over a set of targets."""
 
     targets: int
-    """Instances that were to be found."""
+    """Number of instances to be found."""
     recalls_mssd: Float[np.ndarray, "k"]
     """For each of `MSSD_THRESHOLDS`."""
     recalls_mspd: Float[np.ndarray, "k"]
@@ -90,7 +90,7 @@ class AverageRecalls:
 
     @property
     def ar(self) -> float | None:
-        """Return BOP's AR, the mean of the three terms; None without the VSD term, rather than a mean of two."""
+        """Return BOP's AR, the mean of the three terms; None without the VSD term."""
         return None if self.ar_vsd is None else (self.ar_vsd + self.ar_mssd + self.ar_mspd) / 3
 
 
@@ -99,7 +99,7 @@ class PoseScores:
     """Average recalls in all and per part."""
 
     overall: AverageRecalls
-    """Pooled over all targets: a part seen often weighs more."""
+    """Pooled over all targets: frequent parts have more weight."""
     by_part: dict[str, AverageRecalls]
     """By the part's name, in alphabetical order."""
 
@@ -114,10 +114,10 @@ def target_errors(
     inst_count: int,
     depth: DepthImages | None = None,
 ) -> TargetErrors:
-    """Return the errors of all estimates of one part in one image against all its true poses.
+    """Return the errors between all estimates and all true poses of one part in one image.
 
-    Only the `inst_count` surest estimates and the `inst_count` most visible truths count; `top_estimates` and
-    `valid_truths` tell which, for a caller that would rather not render the others.
+    Only the `inst_count` estimates with the highest scores and the `inst_count` most visible truths count; a caller
+    need not render the others, which `top_estimates` and `valid_truths` leave out.
 
     Raises:
         ConfigError: a score is not finite, or lists differ in length.
@@ -155,7 +155,7 @@ def pose_scores(errors: Sequence[TargetErrors]) -> PoseScores:
     """Return the average recalls over these images, in all and per part.
 
     Raises:
-        ConfigError: some targets have VSD and others have not.
+        ConfigError: only some targets have VSD.
     """
     names = sorted({e.name for e in errors})
     return PoseScores(average_recalls(errors), {n: average_recalls([e for e in errors if e.name == n]) for n in names})
@@ -165,11 +165,11 @@ def average_recalls(errors: Sequence[TargetErrors]) -> AverageRecalls:
     """Return the recalls pooled over these targets; without any target, zeros, as in the BOP toolkit.
 
     Raises:
-        ConfigError: some targets have VSD and others have not.
+        ConfigError: only some targets have VSD.
     """
     with_vsd = sum(e.vsd is not None for e in errors)
     if 0 < with_vsd < len(errors):
-        raise ConfigError(f"VSD must be there for all targets or for none, got it for {with_vsd} of {len(errors)}")
+        raise ConfigError(f"VSD must be computed for all targets or for none, got it for {with_vsd} of {len(errors)}")
     found_mssd, found_mspd = np.zeros(len(MSSD_THRESHOLDS)), np.zeros(len(MSPD_THRESHOLDS_PX))
     found_vsd = np.zeros((len(VSD_TAUS), len(VSD_THRESHOLDS)))
     for target in errors:
@@ -183,5 +183,5 @@ def average_recalls(errors: Sequence[TargetErrors]) -> AverageRecalls:
 
 
 def _found(errors: Float[np.ndarray, "e g"], thresholds: Float[np.ndarray, "k"]) -> Float[np.ndarray, "k"]:
-    """Return how many truths are matched at each threshold."""
+    """Return the number of matched truths at each threshold."""
     return (greedy_matches(errors, thresholds) >= 0).sum(1).astype(float)

@@ -1,4 +1,4 @@
-"""Numbers a person reads: medians, recalls at fixed angles, and both by how much of the part was visible."""
+"""Summaries of pose errors: medians and recalls at fixed angles, in all and by visibility."""
 
 from __future__ import annotations
 
@@ -13,44 +13,44 @@ from simpick.errors import ConfigError
 from simpick.records import PoseError
 
 VISIBILITY_BANDS = (0.1, 0.3, 0.5, 0.7, 0.9, 1.0)
-"""Edges of the standard visibility bands; instances less than 10 % visible are no targets."""
+"""Edges of the standard visibility bands; instances less than 10 % visible are not targets."""
 
 
 @dataclass(frozen=True)
 class PoseSummary:
-    """Pose errors over a set of instances that were to be found."""
+    """Summary of the pose errors of a set of instances to be found."""
 
     count: int
-    """Instances, answered or not."""
+    """Number of instances, with and without estimate."""
     answered: int
-    """Instances for which there was an estimate."""
+    """Number of instances with an estimate."""
     median_rotation_deg: float
-    """Over the answered ones; NaN if there are none, as for all medians."""
+    """Over instances with an estimate; NaN if there are none, as for all medians."""
     median_translation_mm: float
     median_lateral_mm: float
     median_depth_mm: float
     """Of the absolute depth error."""
     median_depth_percent: float
-    """The same, in percent of the true depth; NaN where depths were not given."""
+    """The same in percent of the true depth; NaN if depths were not given."""
     median_mssd_mm: float
     recall_5_deg: float
-    """Share of all instances, answered or not, turned by less than 5 degrees; NaN without instances."""
+    """Fraction of all instances with a rotation error below 5 degrees; misses count as wrong. NaN without instances."""
     recall_15_deg: float
     recall_30_deg: float
 
 
 def summarize(errors: Sequence[PoseError | None], depths_m: Sequence[float] | None = None) -> PoseSummary:
-    """Return the summary of these instances; None stands for an instance without an estimate.
+    """Return the summary of these instances; None represents an instance without an estimate.
 
     `depths_m` are the instances' true depths along the optical axis.
 
     Raises:
-        ConfigError: there is not one depth for each error.
+        ConfigError: there is not one depth per error.
     """
     if depths_m is None:
         depths_m = [float("nan")] * len(errors)
     if len(errors) != len(depths_m):
-        raise ConfigError(f"there must be one depth for each error, got {len(depths_m)} for {len(errors)}")
+        raise ConfigError(f"there must be one depth per error, got {len(depths_m)} for {len(errors)}")
     rows = []
     for e, depth_m in zip(errors, depths_m, strict=True):
         if e is not None:
@@ -68,18 +68,17 @@ def summarize_by_visibility(
     edges: Sequence[float] = VISIBILITY_BANDS,
     depths_m: Sequence[float] | None = None,
 ) -> dict[str, PoseSummary]:
-    """Return a summary for each band of visibility, named such as ``30-50 %``; upper edges belong to the next band.
+    """Return a summary per visibility band, named like ``30-50 %``; upper edges belong to the next band.
 
-    The last band holds its upper edge too. Instances outside all bands are left out. `depths_m` as for
-    `summarize`.
+    The last band includes its upper edge. Instances outside all bands are left out. `depths_m` as for `summarize`.
 
     Raises:
-        ConfigError: edges do not ascend, or there is not one visible fraction for each error.
+        ConfigError: edges do not ascend, or there is not one visible fraction per error.
     """
     if len(edges) < 2 or not (np.diff(edges) > 0).all():
         raise ConfigError(f"edges of visibility bands must be two or more and ascend, got {list(edges)}")
     if len(errors) != len(visible_fractions):
-        raise ConfigError(f"there must be one visible fraction for each error, got {len(visible_fractions)}")
+        raise ConfigError(f"there must be one visible fraction per error, got {len(visible_fractions)}")
     bands = {}
     for low, high in pairwise(edges):
         inside = (visible_fractions >= low) & (visible_fractions < high)

@@ -1,7 +1,7 @@
-"""Visible surface discrepancy (VSD) on rendered depth, exactly as the BOP toolkit computes it since 2019.
+"""Visible surface discrepancy (VSD) on rendered depth, as computed by the BOP toolkit since 2019.
 
-Nothing is rendered here: depth images come in, made by any renderer in the query's own camera. Source: Hodan et al.,
-"BOP Challenge 2020 on 6D Object Localization"; visibility after "On Evaluation of 6D Object Pose Estimation", 2016.
+Depth images are input, rendered by any renderer with the query's own camera. Sources: Hodan et al., "BOP Challenge 2020
+on 6D Object Localization"; for visibility, Hodan et al., "On Evaluation of 6D Object Pose Estimation", 2016.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from simpick.errors import ConfigError
 from simpick.geometry import Pinhole
 
 VSD_DELTA_M = 0.015
-"""Tolerance of the visibility test; BOP uses 15 mm for all data sets but ITODD (5 mm)."""
+"""Tolerance of the visibility test; BOP uses 15 mm for all data sets except ITODD (5 mm)."""
 VSD_TAUS = np.arange(0.05, 0.51, 0.05)
 """Misalignment tolerances as fractions of the diameter."""
 
@@ -21,7 +21,7 @@ VSD_TAUS = np.arange(0.05, 0.51, 0.05)
 def distance_from_depth(
     depth_m: Float[np.ndarray, "*batch height width"], camera: Pinhole
 ) -> Float[np.ndarray, "*batch height width"]:
-    """Return distances from the camera's centre in metres; 0 stays 0, no reading.
+    """Return distances from the camera's centre in metres; 0 (no reading) stays 0.
 
     Raises:
         ConfigError: the image's size is not the camera's.
@@ -35,7 +35,7 @@ def visible_mask(
     distance_scene_m: Float[np.ndarray, "*#batch pixels"],
     delta_m: float = VSD_DELTA_M,
 ) -> Bool[np.ndarray, "*batch pixels"]:
-    """Return where a rendered part is seen: at most `delta_m` behind the scene, or where the scene has no reading."""
+    """Return where a rendered part is visible: at most `delta_m` behind the scene, or without reading of the scene."""
     return (distance_m > 0) & ((distance_m - distance_scene_m <= delta_m) | (distance_scene_m == 0))
 
 
@@ -50,15 +50,15 @@ def vsd(
     taus: Float[np.ndarray, "t"] = VSD_TAUS,
     candidates: Bool[np.ndarray, "e g"] | None = None,
 ) -> Float[np.ndarray, "e g t"]:
-    """Return the VSD of every estimate against every truth for every tolerance, in [0, 1].
+    """Return the VSD of every pair of estimate and truth at every tolerance, in [0, 1].
 
-    Over the union of the two visible masks, the share of pixels that only one mask holds or where the two distances
+    It is the fraction of pixels in the union of both visible masks that are in one mask only or where both distances
     differ by `tau` diameters or more. An estimate also counts as visible where the truth is visible and the estimate
-    has depth, even behind the scene's surface. Pairs that are no `candidates` get 1, as do empty unions.
+    has depth, even behind the scene's surface. Pairs that are not `candidates` get 1, as do empty unions.
     """
     for depth_m in (depths_estimate_m, depths_truth_m, depth_scene_m):
         _check_size(depth_m, camera)
-    # Parts cover a small share of an image; only there depth is turned into distance.
+    # Parts cover a small fraction of an image; only there depth is converted to distance.
     touched = np.flatnonzero((depths_estimate_m > 0).any(0) | (depths_truth_m > 0).any(0))
     per_depth = np.linalg.norm(camera.rays().reshape(-1, 3)[touched], axis=-1)
     estimate, truth, scene = (
@@ -78,7 +78,7 @@ def vsd(
             if union == 0:
                 continue
             apart = np.abs(truth[g, both] - estimate[e, both]) / diameter_m
-            # How many tolerances each pixel fails (cost 1 where apart >= tau), then how many pixels fail each.
+            # The number of tolerances that each pixel fails (apart >= tau), then the number of pixels that fail each.
             fails = np.bincount(np.searchsorted(taus, apart, side="right"), minlength=len(taus) + 1)
             costs = fails[::-1].cumsum()[::-1][1:]
             errors[e, g] = (costs + union - np.count_nonzero(both)) / union

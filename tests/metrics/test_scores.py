@@ -116,7 +116,7 @@ def test_an_image_without_estimates_or_truths_counts_its_targets() -> None:
 
 def test_targets_with_and_without_vsd_do_not_mix() -> None:
     one = np.zeros((1, 1))
-    with pytest.raises(ConfigError, match="VSD must be there for all targets or for none, got it for 1 of 2"):
+    with pytest.raises(ConfigError, match="VSD must be computed for all targets or for none, got it for 1 of 2"):
         average_recalls([TargetErrors("a", one, one, None), TargetErrors("a", one, one, np.zeros((1, 1, 10)))])
 
 

@@ -45,7 +45,7 @@ def test_edges_must_ascend() -> None:
 
 
 def test_every_error_needs_its_visible_fraction() -> None:
-    with pytest.raises(ConfigError, match="one visible fraction for each error, got 1"):
+    with pytest.raises(ConfigError, match="one visible fraction per error, got 1"):
         summarize_by_visibility([None, None], np.zeros(1))
 
 
@@ -60,5 +60,5 @@ def test_depth_is_told_in_percent_where_true_depths_are_known() -> None:
 
 
 def test_every_error_needs_its_depth() -> None:
-    with pytest.raises(ConfigError, match="one depth for each error, got 1 for 2"):
+    with pytest.raises(ConfigError, match="one depth per error, got 1 for 2"):
         summarize([None, None], [0.5])
