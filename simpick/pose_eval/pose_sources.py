@@ -29,8 +29,10 @@ class Answer:
 class PoseSource(ABC):
     """Provides estimates for images."""
 
-    onboarding_s: Mapping[str, float] = {}
-    """Wall-clock time of onboarding by part; small where templates were cached."""
+    @property
+    def onboarding_s(self) -> Mapping[str, float]:
+        """Return the wall-clock time of onboarding by part, which is small where templates were cached."""
+        return {}
 
     def prepare(self, image: PoseImage) -> None:  # noqa: B027
         """Do what does not count as estimation time; nothing by default."""
@@ -54,14 +56,19 @@ class EstimatorSource(PoseSource):
 
     def __init__(self, estimator: PoseEstimator, part_of: Callable[[str], Part]) -> None:
         self._estimator, self._part_of = estimator, part_of
-        self.onboarding_s: dict[str, float] = {}
+        self._onboarding_s: dict[str, float] = {}
+
+    @property
+    def onboarding_s(self) -> Mapping[str, float]:
+        """Return the wall-clock time of onboarding by part."""
+        return self._onboarding_s
 
     def prepare(self, image: PoseImage) -> None:
         """Onboard new parts."""
-        for name in sorted({detection.part for detection in image.detections} - self.onboarding_s.keys()):
+        for name in sorted({detection.part for detection in image.detections} - self._onboarding_s.keys()):
             start = time.perf_counter()
             self._estimator.onboard(self._part_of(name))
-            self.onboarding_s[name] = time.perf_counter() - start
+            self._onboarding_s[name] = time.perf_counter() - start
 
     def estimate(self, image: PoseImage) -> Sequence[PoseEstimate]:
         """Return the estimates of all detections, computed in one batch."""

