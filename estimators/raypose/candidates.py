@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from simpick.estimators.pose_clusters import best_per_group
+from simpick.estimators.pose_selection import best_per_group
 from simpick.tensor_record import TensorRecord
 
 

@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 from simpick.assets.part import Part
 from simpick.errors import CheckpointError, ConfigError
 from simpick.estimators.base import PoseEstimator
-from simpick.estimators.pose_clusters import cluster_hypotheses
+from simpick.estimators.pose_selection import distinct_poses
 from simpick.estimators.raypose.candidates import Candidates
 from simpick.estimators.raypose.checkpoints import load_checkpoint, shipped_checkpoint
 from simpick.estimators.raypose.crops.query_crops import QueryCrops, crop_queries
@@ -180,14 +180,15 @@ class RayPoseEstimator:
     def _ranked(self, part: Part, candidates: Candidates, detection: int) -> list[PoseHypothesis]:
         """Return one detection's candidates without near-identical ones, best first."""
         own = candidates.rows(candidates.detections == detection)
-        clusters = cluster_hypotheses(
-            [PoseHypothesis(T, float(score)) for T, score in zip(own.Ts_camera_part, own.scores, strict=True)],
+        distinct = distinct_poses(
+            own.Ts_camera_part,
+            own.scores.astype(float),
             part.symmetries,
             part.diameter_m,
             rotation_deg=self.config.cluster_deg,
             translation_diameters=self.config.cluster_diameters,
         )
-        return [cluster.best for cluster in clusters][: self.config.hypotheses]
+        return [PoseHypothesis(own.Ts_camera_part[k], float(own.scores[k])) for k in distinct[: self.config.hypotheses]]
 
 
 def load_raypose(

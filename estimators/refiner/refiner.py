@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 
 from simpick.assets.part import Part
 from simpick.errors import ConfigError
-from simpick.estimators.pose_clusters import best_per_group, cluster_hypotheses
+from simpick.estimators.pose_selection import best_per_group, distinct_poses
 from simpick.estimators.refiner.alignment import Alignment, Target, align
 from simpick.estimators.refiner.config import AlignmentLevel, RefinerConfig
 from simpick.estimators.refiner.levenberg_marquardt import minimise
@@ -138,18 +138,17 @@ class Refiner:
         """Return the hypotheses without those that converged to the pose of a better one of the same detection."""
         kept = []
         for k in np.unique(state.detection):
-            mine = np.flatnonzero(state.detection == k)
-            own = [PoseHypothesis(state.Ts_camera_part[i], -float(state.misfit[i])) for i in mine]
-            row = {id(hypothesis): i for hypothesis, i in zip(own, mine, strict=True)}
-            clusters = cluster_hypotheses(
-                own,
+            own = np.flatnonzero(state.detection == k)
+            distinct = distinct_poses(
+                state.Ts_camera_part[own],
+                -state.misfit[own],
                 part.symmetries,
                 part.diameter_m,
                 rotation_deg=self.config.merge_deg,
                 translation_diameters=self.config.merge_diameters,
             )
-            kept += [row[id(cluster.best)] for cluster in clusters]
-        return state.rows(np.sort(np.array(kept)))
+            kept.append(own[distinct])
+        return state.rows(np.sort(np.concatenate(kept)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -146,7 +146,7 @@ def test_files_that_do_not_fit_say_why(tmp_path: Path) -> None:
     save_file(good | {"pos_embed": torch.zeros(1, 7, 24)}, tmp_path / "c.safetensors")
     assert error_of("c.safetensors").endswith("pos_embed must have shape (1, 17, 24), got (1, 7, 24)")
     save_file(good | {"norm.bias": torch.full((24,), float("nan"))}, tmp_path / "d.safetensors")
-    assert error_of("d.safetensors").endswith("d.safetensors must be finite numbers; take the file anew")
+    assert error_of("d.safetensors").endswith("d.safetensors must be finite numbers; get the file again")
 
 
 @needs_timm
