@@ -28,7 +28,7 @@ def read_json(path: Path, remedy: str) -> Any:
         return json.loads(gzip.decompress(content) if path.suffix == ".gz" else content)
     except json.JSONDecodeError as error:
         raise DatasetError(
-            f"{path}, line {error.lineno}, column {error.colno}: not JSON ({error.msg}). The file may be cut off: "
+            f"{path}, line {error.lineno}, column {error.colno}: not JSON ({error.msg}). The file may be truncated: "
             "fetch or write it again."
         ) from error
     except (OSError, EOFError, UnicodeDecodeError) as error:

@@ -88,5 +88,5 @@ def decompress_counts(text: str, where: str) -> list[int]:
             counts.append(value + counts[-2] if len(counts) > 2 else value)
             value = shift = 0
     if shift:
-        raise DatasetError(f"{where}: the compressed RLE ends within a number; the file is cut off.")
+        raise DatasetError(f"{where}: the compressed RLE ends within a number; the file is truncated.")
     return counts

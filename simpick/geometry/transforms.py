@@ -1,9 +1,9 @@
 """Rigid transforms in numpy: SO(3) and SE(3), single or batched over leading dimensions, in float64.
 
-SciPy's `Rotation` computes what is only measured (`rotation_angle`) and is the test oracle of the other conversions.
-It is up to 7 times as fast, but differs in the last bit, and bins are drawn through these functions: contact dynamics
-amplify one bit to settled poses that differ by up to 7 mm, so that a seed would no longer name the same bin. `invert`
-is 10 times as fast as `RigidTransform.inv` with its conversions.
+SciPy's `Rotation` computes `rotation_angle` and is the test oracle of the other conversions. It is up to 7 times as
+fast, but differs in the last bit, and bins are drawn through these functions: contact dynamics amplify one bit to
+settled poses that differ by up to 7 mm, so that a seed would no longer name the same bin. `invert` is 10 times as fast
+as `RigidTransform.inv` with its conversions.
 """
 
 from __future__ import annotations

@@ -38,10 +38,8 @@ def title(result: PoseBenchmarkResult) -> str:
     count, whole = len(result.bins), len(benchmark_bins())
     bins = f"all {whole} bins" if count == whole else f"only the first {count} of {whole} bins"
     mixed = sum(bin.kind == "mixed" for bin in result.bins)
-    return (
-        f"{result.estimator} on the pose benchmark, {bins}\n"
-        f"{mixed} mixed, {count - mixed} homogeneous; fingerprint {result.fingerprint}"
-    )
+    kinds = f"{mixed} mixed, {count - mixed} homogeneous"
+    return f"{result.estimator} on the pose benchmark\n{bins}\n{kinds}\nfingerprint {result.fingerprint}"
 
 
 def benchmark_table(result: PoseBenchmarkResult) -> Table:

@@ -18,7 +18,7 @@ WIDTH, HEIGHT = 64, 48
 
 @pytest.fixture(scope="session")
 def parts() -> tuple[Part, Part]:
-    """A block whose CAD frame is turned and moved, and a rod with a continuous symmetry off its CAD frame's origin."""
+    """A block whose CAD frame is rotated and moved, and a rod with a continuous symmetry off its CAD frame's origin."""
     block, rod = trimesh.creation.box((0.03, 0.05, 0.02)), trimesh.creation.cylinder(0.01, 0.06)
     T_cad_block = transform(so3_exp(np.array([0.1, 0.2, 0.3])), np.array([0.01, 0.02, 0.03]))
     T_cad_rod = transform(translation=np.array([0.0, -0.02, 0.005]))

@@ -71,7 +71,7 @@ def test_images_without_any_estimate_count_as_missed(root):
     assert (evaluation.summary.count, evaluation.summary.answered, evaluation.summary.recall_30_deg) == (4, 0, 0.0)
 
 
-def test_a_rod_turned_about_its_axis_is_right(root):
+def test_a_rod_rotated_about_its_axis_is_correct(root):
     dataset = BopDataset(root)
 
     class Turned(OracleSource):

@@ -63,11 +63,11 @@ def test_missing_models(root):
         BopDataset(root)
 
 
-def test_json_that_is_cut_off(root):
+def test_truncated_json(root):
     path = root / "test/000004/scene_gt.json"
     path.write_text(path.read_text()[:100])
     with _refuses(
-        r"scene_gt\.json, line 2, column \d+: not JSON \(.*\)\. The file may be cut off: fetch or write it again"
+        r"scene_gt\.json, line 2, column \d+: not JSON \(.*\)\. The file may be truncated: fetch or write it again"
     ):
         BopDataset(root).scene(4).truth(0)
 

@@ -64,7 +64,7 @@ def test_a_mask_of_another_size_is_refused():
         ({"size": [2, 3], "counts": [1, 3]}, r"add up to 2 x 3 = 6 pixels, and add up to 4; the file is damaged"),
         ({"size": [2, 3], "counts": [9, -3]}, r"add up to 2 x 3 = 6 pixels"),
         ({"size": [2, 3], "counts": "13 "}, r"' ' cannot occur in a compressed RLE"),
-        ({"size": [2, 3], "counts": "13T"}, r"ends within a number; the file is cut off"),
+        ({"size": [2, 3], "counts": "13T"}, r"ends within a number; the file is truncated"),
         ([[1, 2, 3, 4]], r"a segmentation must be RLE with 'size' and 'counts', got \[\[1, 2, 3, 4\]\]"),
     ],
 )

@@ -44,7 +44,7 @@ def test_poses_of_the_surface_come_back_exactly(root, parts, instances):
         np.testing.assert_allclose(vertices, expected, atol=1e-9)
 
 
-def test_a_part_whose_cad_frame_is_not_turned_keeps_its_part_frame(root, parts, instances):
+def test_a_part_whose_cad_frame_is_not_rotated_keeps_its_part_frame(root, parts, instances):
     truth = BopDataset(root).scene(4).truth(0)[1]
     np.testing.assert_allclose(truth.T_camera_part, instances[1].T_camera_part, atol=1e-12)
 

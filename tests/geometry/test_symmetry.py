@@ -68,11 +68,11 @@ def test_groups_are_closed(group: SymmetryGroup) -> None:
     ],
     ids=["third turn without its double", "two half turns without their product"],
 )
-def test_incomplete_lists_are_noticed(discrete: np.ndarray) -> None:
+def test_incomplete_lists_are_detected(discrete: np.ndarray) -> None:
     assert not is_closed(SymmetryGroup(transform(discrete)))
 
 
-def test_a_flip_that_misses_the_axis_is_noticed() -> None:
+def test_a_flip_that_misses_the_axis_is_detected() -> None:
     shifted = transform(so3_exp(np.array([np.pi, 0.0, 0.0])), np.array([0.0, 0.01, 0.0]))[None]
     assert not is_closed(SymmetryGroup(shifted, (ContinuousSymmetry((0.0, 0.0, 1.0)),)))
 

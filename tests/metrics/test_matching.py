@@ -7,7 +7,7 @@ from simpick.errors import ConfigError
 from simpick.metrics import count_targets, greedy_matches, top_estimates, valid_truths
 
 
-def test_the_surest_estimate_chooses_first_even_if_another_fits_better() -> None:
+def test_the_estimate_with_the_highest_score_chooses_first_even_if_another_fits_better() -> None:
     errors = np.array([[0.10, 0.30], [0.05, 0.20]])
     matches = greedy_matches(errors, np.array([0.15, 0.25]))
     np.testing.assert_array_equal(matches, [[0, -1], [0, 1]])
@@ -47,7 +47,7 @@ def test_random_tables_agree_with_a_plain_restatement() -> None:
                 free.pop(found[e], None)
 
 
-def test_the_surest_estimates_count_and_ties_keep_their_order() -> None:
+def test_the_highest_scores_count_and_ties_keep_their_order() -> None:
     np.testing.assert_array_equal(top_estimates(np.array([0.5, 0.9, 0.5, 0.7]), 3), [1, 3, 0])
 
 

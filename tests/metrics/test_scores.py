@@ -47,7 +47,7 @@ def test_two_estimates_of_one_instance_find_one() -> None:
     np.testing.assert_allclose(average_recalls([target]).recalls_mssd, 0.5)
 
 
-def test_only_the_surest_estimates_count() -> None:
+def test_only_the_highest_scores_count() -> None:
     truths, estimates = at((0, 0), (200, 0)), at((0, 0), (500, 0), (200, 0))
     # The right answer for the second instance ranks third, and two instances were asked for.
     assert average_recalls([errors_of(estimates, truths, 2)]).ar_mssd == pytest.approx(0.5)
@@ -103,7 +103,7 @@ def test_depth_images_follow_the_estimates_and_truths_that_count() -> None:
         poses, poses, 2, camera=camera, depth=depth, scores=np.array([0.1, 0.8, 0.9]), visible=np.array([0.0, 0.5, 0.9])
     )
     assert target.vsd is not None
-    # Rows: left, then right (surest first); columns: left, right.
+    # Rows: left, then right (highest score first); columns: left, right.
     np.testing.assert_array_equal(target.vsd[..., 0], [[0, 1], [1, 0]])
 
 

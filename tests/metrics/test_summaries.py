@@ -49,7 +49,7 @@ def test_every_error_needs_its_visible_fraction() -> None:
         summarize_by_visibility([None, None], np.zeros(1))
 
 
-def test_depth_is_told_in_percent_where_true_depths_are_known() -> None:
+def test_depth_is_reported_in_percent_where_true_depths_are_known() -> None:
     # 4 mm of 0.8 m, and 9 mm of 0.9 m.
     summary = summarize([error(1, -4), None, error(1, 9)], [0.8, 0.5, 0.9])
     assert summary.median_depth_percent == pytest.approx((0.5 + 1.0) / 2)

@@ -79,7 +79,7 @@ def test_true_poses_have_no_error_and_misses_count() -> None:
     assert sum(band.count for band in realistic.by_visibility.values()) == realistic.summary.count
     assert not result.best_of and not result.onboarding_s
     assert title(result).startswith(
-        "oracle on the pose benchmark, only the first 2 of 50 bins\n2 mixed, 0 homogeneous; fingerprint "
+        "oracle on the pose benchmark\nonly the first 2 of 50 bins\n2 mixed, 0 homogeneous\nfingerprint "
     )
 
 
