@@ -1,6 +1,6 @@
 """The paper's ablations (tables 2 and 3) and the comparison of noise schedules, as runs of equal budget.
 
-Every variant is a change of the configurations of network and training, nothing else.
+A variant changes only the configurations of network and training.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ from simpick.training.trainer import train
 from simpick.training.validation import Validation
 
 COMMON_SPREAD = {"spread_deg": 30.0, "spread_m": 0.05}
-"""Templates that every variant is measured with beside its own: the paper's."""
+"""The paper's templates, with which every variant is measured in addition to its own."""
 UNTRAINED = "untrained"
-"""Name of the row of no network."""
+"""Name of the row without training."""
 SAMPLING_STEPS = (1, 3, 5, 10)
-"""Denoising steps that schedules are compared at."""
+"""Denoising steps at which schedules are compared."""
 
 
 @dataclass(frozen=True)
 class Variant:
-    """One run: what differs from the full fine predictor."""
+    """One run, by its differences from the full fine predictor."""
 
     name: str
-    """Its folder's name."""
+    """Name of its folder."""
     label: str
-    """As the table calls it."""
+    """Name in the table."""
     network: Mapping[str, Any] = field(default_factory=dict)
     """Fields of `RayPoseConfig`."""
     training: Mapping[str, Any] = field(default_factory=dict)
@@ -60,7 +60,7 @@ COMPONENTS = (
         "no_matching", "without matching and flow (as the paper)", {**COMMON_SPREAD, "matching": False, "flow": False}
     ),
 )
-"""Table 2 of the paper, and what matching and flow bring, which are not in the paper."""
+"""Table 2 of the paper, and runs without matching and flow, which are not in the paper."""
 TEMPLATES = (
     COARSE,
     Variant("coarse_fixed", "coarse, fixed templates", {"spread_deg": 180.0, "template_views": "fixed"}),
@@ -76,14 +76,14 @@ SCHEDULE_VARIANTS = tuple(
 
 @dataclass(frozen=True)
 class Ablation:
-    """What all variants of one comparison share."""
+    """The settings that all variants of a comparison share."""
 
     network: RayPoseConfig
     training: TrainConfig
     budget: Budget
-    """Of each."""
+    """Budget of each variant."""
     folder: Path
-    """Holds a folder for each variant, and the data, which is the same for all."""
+    """Holds one folder per variant, and the data, which are the same for all."""
     resources: Resources = field(default_factory=Resources)
 
     def network_of(self, variant: Variant) -> RayPoseConfig:
@@ -100,7 +100,7 @@ class Ablation:
         return self.resources.shards or self.folder / "shards"
 
     def run(self, variant: Variant, on_row: Callable[[dict[str, Any], float], None] | None = None) -> Path:
-        """Train a variant, or go on with it, and return its weights; nothing is done for one that is finished."""
+        """Train a variant, or resume it, and return its weights; a finished variant is not trained again."""
         resources = dataclasses.replace(self.resources, shards=self.shards)
         network, training = self.network_of(variant), self.training_of(variant)
         return train(network, training, self.budget, self.folder / variant.name, resources=resources, on_row=on_row)
@@ -119,8 +119,8 @@ def measure(ablation: Ablation, variant: Variant) -> dict[str, Any]:
 
 
 def measure_untrained(ablation: Ablation) -> dict[str, Any]:
-    """Return what no training gives, as `measure` does: the mean of those of the templates' poses that agree."""
-    # Without matching, a new network's first answer is that a query stands as its templates do.
+    """Return the figures of `measure` without training: of the mean of the templates' poses that agree."""
+    # Without matching, an untrained network predicts the poses of the templates.
     fields = {**COMMON_SPREAD, "matching": False, "flow": False, "relative_pose": True}
     network = dataclasses.replace(ablation.network, **fields)
     schedule = make_schedule(ablation.training.schedule)
@@ -130,13 +130,13 @@ def measure_untrained(ablation: Ablation) -> dict[str, Any]:
 
 
 def measure_steps(ablation: Ablation, variant: Variant) -> list[dict[str, Any]]:
-    """Return held-out figures for each number of denoising steps, with milliseconds a query."""
+    """Return held-out figures for each number of denoising steps, with milliseconds per query."""
     checkpoint = load_checkpoint(ablation.folder / variant.name / "weights.safetensors")
     schedule = make_schedule(ablation.training_of(variant).schedule)
     rows = []
     for steps in SAMPLING_STEPS:
         validation = _validation(ablation, checkpoint.model.config, steps)
-        validation.measure(checkpoint.model, schedule)  # The first pass through a network is slower than the rest.
+        validation.measure(checkpoint.model, schedule)  # The first pass through a network is slower.
         start = time.perf_counter()
         figures = validation.measure(checkpoint.model, schedule)
         taken_ms = 1e3 * (time.perf_counter() - start) / validation.queries
@@ -164,7 +164,7 @@ def schedule_table(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return the comparison of schedules as Markdown."""
     lines = [
         "# Noise schedules\n\nSampled poses of held-out random parts; time of templates, encoding and sampling.\n",
-        "| schedule | steps | median [deg] | < 5 deg | < 15 deg | < 30 deg | depth [%] | ms a query |",
+        "| schedule | steps | median [deg] | < 5 deg | < 15 deg | < 30 deg | depth [%] | ms per query |",
         "|---|---|---|---|---|---|---|---|",
     ]
     lines += [

@@ -1,4 +1,4 @@
-"""`TrainConfig`: everything that a training run depends on, beside the network's own configuration."""
+"""`TrainConfig`: the settings of a training run, except for those of the network."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class TrainConfig(Config):
             raise ConfigError(f"window must hold as many shards as parts={self.parts}, got {self.window}")
 
     def learning_rate_at(self, step: int, progress: float) -> float:
-        """Return the learning rate of a step; `progress` is the share of the run that is done, in [0, 1]."""
+        """Return the learning rate of a step; `progress` is the finished share of the run, in [0, 1]."""
         rate = self.learning_rate * min(1.0, (step + 1) / max(1, self.warmup_steps))
         if self.decay_fraction and progress > 1 - self.decay_fraction:
             rate *= 0.01 ** ((progress - 1 + self.decay_fraction) / self.decay_fraction)

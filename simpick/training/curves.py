@@ -1,4 +1,4 @@
-"""Learning curves of a run, from its log: one picture, one rerun recording, and how the error falls with data."""
+"""Learning curves of a run from its log: a plot, a rerun recording, and the error over the amount of data."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from simpick.plotting import new_figure, save_figure
 from simpick.recording.recording_file import RecordingFile
 
 COUNTERS = ("step", "queries", "seconds")
-"""What every row of a log says beside its split and its figures."""
+"""Columns of every row of a log besides its split and its figures."""
 # Panels of the picture: title, split, figures, whether the axis is logarithmic.
 _PANELS = (
     ("loss and its terms", "train", None, True),
     ("median rotation error [deg]", "validation", ("rotation_deg",), True),
     ("share of sampled poses", "validation", ("below_5_deg", "below_15_deg", "below_30_deg"), False),
     ("median depth error [%], centre error [% of half a side]", "validation", ("depth_percent", "centre"), True),
-    ("queries a second", "train", ("queries_per_s",), False),
+    ("queries per second", "train", ("queries_per_s",), False),
     ("share of time waiting for data", "train", ("waiting_share",), False),
 )
 _RATES = ("queries_per_s", "waiting_share")
@@ -31,10 +31,10 @@ _RATES = ("queries_per_s", "waiting_share")
 def read_log(file: Path) -> list[dict[str, Any]]:
     """Return the rows of a run's log, in order.
 
-    Rows of steps that a resumed run made once more are left out, and so is a last line that was never finished.
+    Of steps that a resumed run repeated, the last rows count. An unfinished last line is left out.
 
     Raises:
-        DatasetError: the file is missing, or a line is no row of a log.
+        DatasetError: the file is missing, or a line is not a row of a log.
     """
     try:
         lines = file.read_text().splitlines()
@@ -57,7 +57,7 @@ def read_log(file: Path) -> list[dict[str, Any]]:
 
 
 def series(rows: Sequence[Mapping[str, Any]], split: str, figure: str) -> tuple[list[int], list[float]]:
-    """Return queries seen and values of one figure."""
+    """Return the numbers of queries and the values of one figure."""
     chosen = [row for row in rows if row["split"] == split and figure in row]
     return [int(row["queries"]) for row in chosen], [float(row[figure]) for row in chosen]
 
@@ -115,7 +115,7 @@ def record_curves(rows: Sequence[Mapping[str, Any]], file: Path, *, recording_id
 
 
 def plot_scaling(runs: Mapping[str, Sequence[Mapping[str, Any]]], file: Path) -> None:
-    """Draw the held-out median rotation error against queries seen, both on logarithmic axes, one line a run."""
+    """Draw the held-out median rotation error against queries seen, both on logarithmic axes, one line per run."""
     figure = new_figure(6, 4)
     axis = figure.subplots()
     for name, rows in runs.items():

@@ -1,4 +1,4 @@
-"""`Distributed`: one process, or several under torchrun, each with a device and gradients averaged over all."""
+"""`Distributed`: one training process, or several under torchrun, whose gradients are averaged."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from simpick.errors import ConfigError
 
 @dataclass(frozen=True)
 class Distributed:
-    """One process among those that train together. A context manager."""
+    """One of the processes that train together. A context manager."""
 
     rank: int
     count: int
@@ -21,16 +21,16 @@ class Distributed:
 
     @staticmethod
     def from_environment(device: str) -> Distributed:
-        """Return what torchrun's variables say, or one process alone; `device` is cuda, cpu or auto.
+        """Return the process that torchrun's variables describe, or a single one; `device` is cuda, cpu or auto.
 
         Raises:
-            ConfigError: there is no such device here.
+            ConfigError: the device is unknown, or not available.
         """
         if device not in ("auto", "cuda", "cpu"):
             raise ConfigError(f"device must be auto, cuda or cpu, got {device!r}")
         has_cuda = torch.cuda.is_available()
         if device == "cuda" and not has_cuda:
-            raise ConfigError("device cuda was asked for, but torch finds none here; use --device cpu")
+            raise ConfigError("device cuda is not available to torch; use --device cpu")
         rank, count = int(os.environ.get("RANK", "0")), int(os.environ.get("WORLD_SIZE", "1"))
         if device == "cpu" or not has_cuda:
             return Distributed(rank, count, torch.device("cpu"))
@@ -38,11 +38,11 @@ class Distributed:
 
     @property
     def is_first(self) -> bool:
-        """Return whether this is the process that writes."""
+        """Return whether this process writes files."""
         return self.rank == 0
 
     def average_gradients(self, model: nn.Module) -> None:
-        """Replace every gradient by its mean over the processes, in one transfer."""
+        """Replace each gradient by its mean over the processes, in one transfer."""
         if self.count == 1:
             return
         gradients = [p.grad for p in model.parameters() if p.grad is not None]
@@ -52,7 +52,7 @@ class Distributed:
             g.copy_(mean.view_as(g))
 
     def agree(self, *values: float) -> list[float]:
-        """Return the largest of all processes' values, each, so that all decide alike."""
+        """Return for each value the largest of all processes, so that all decide the same."""
         if self.count == 1:
             return list(values)
         largest = torch.tensor(values, device=self.device)
@@ -60,7 +60,7 @@ class Distributed:
         return largest.tolist()
 
     def wait(self) -> None:
-        """Return when all processes have come here."""
+        """Return when all processes have called this."""
         self.agree(0.0)
 
     def __enter__(self) -> Distributed:

@@ -1,4 +1,4 @@
-"""`GracefulStop`: Ctrl-C and SIGTERM as a wish that a loop grants between two steps, never in the middle of one."""
+"""`GracefulStop`: Ctrl-C and SIGTERM as a request that a loop reads between two steps."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from typing import Any
 class GracefulStop:
     """A context manager. A second Ctrl-C raises KeyboardInterrupt at once.
 
-    SIGTERM is what torchrun sends its processes right after the Ctrl-C that they have seen themselves, so it never
-    counts as the second. Outside the main thread, where Python allows no handlers, nothing is changed.
+    SIGTERM never counts as the second, because torchrun sends it to its processes after the Ctrl-C that they have
+    received themselves. Outside the main thread, where Python allows no signal handlers, nothing changes.
     """
 
     def __init__(self) -> None:
         self.requested = False
-        """Whether the loop shall end."""
+        """Whether the loop is to end."""
         self._before: dict[int, Any] = {}
 
     def __enter__(self) -> GracefulStop:

@@ -1,8 +1,8 @@
-"""How much noise on a pose map spoils the pose that it decodes to: why the noise schedule is shifted.
+"""Pose errors of noisy pose maps as a function of the noise: the reason for the shifted noise schedule.
 
-Noise of standard deviation s on clean maps is a log-SNR of -2 ln s. Maps repeat one pose in p^2 cells, so that decoding
-averages the noise away: a denoiser that sees a little noise can read the pose off the map and learns nothing about the
-image. ``python -m simpick.training.map_noise --out FILE.png`` measures and draws this.
+Noise of standard deviation s on clean maps is a log-SNR of -2 ln s. Maps repeat one pose in p^2 cells, so decoding
+averages the noise out. At low noise a denoiser can read the pose from the map and does not learn from the image.
+``python -m simpick.training.map_noise --out FILE.png`` measures and plots this.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ _PADDING = 1.2
 
 @dataclass(frozen=True, eq=False)
 class MapNoise:
-    """Median errors of decoded poses, one for each noise level."""
+    """Median errors of decoded poses, one per noise level."""
 
     deviations: Float[np.ndarray, "levels"]
     """Standard deviation of the noise on every channel of clean maps."""
     rotation_deg: Float[np.ndarray, "levels"]
     centre_box_sides: Float[np.ndarray, "levels"]
-    """Of the part's projected origin."""
+    """Error of the part's projected origin, in sides of the box."""
     depth_percent: Float[np.ndarray, "levels"]
 
     def readable_share(self, schedule: str, limit_deg: float) -> float:
-        """Return the share of a schedule's timesteps at which noisy maps alone tell the rotation within the limit."""
+        """Return the share of a schedule's timesteps at which the rotation can be read from noisy maps alone."""
         deviations = (-make_schedule(schedule).log_snrs.double() / 2).exp().numpy()
         errors = np.interp(np.log(deviations), np.log(self.deviations), self.rotation_deg)
         return float((errors < limit_deg).mean())
@@ -60,11 +60,11 @@ def measure(
     for deviation in deviations:
         noise = torch.randn((samples, cells, cells, CHANNELS), generator=generator)
         decoded = decode_pose_maps(clean + float(deviation) * noise, reference, _PADDING)
-        turned = torch.rad2deg(rotation_angle(decoded.R @ query.R.mT))
-        moved = torch.linalg.vector_norm(decoded.centre - query.centre, dim=-1) * (_PADDING / 2)
-        # As much too far as too near counts the same.
+        rotations = torch.rad2deg(rotation_angle(decoded.R @ query.R.mT))
+        centres = torch.linalg.vector_norm(decoded.centre - query.centre, dim=-1) * (_PADDING / 2)
+        # A depth that is too large by a factor counts like one that is too small by it.
         depth = 100 * ((decoded.half_extent_at_depth_m / query.half_extent_at_depth_m).log().abs().exp() - 1)
-        medians.append([float(x.median()) for x in (turned, moved, depth)])
+        medians.append([float(x.median()) for x in (rotations, centres, depth)])
     return MapNoise(deviations, *np.array(medians).T)
 
 
@@ -100,8 +100,8 @@ def draw(path: Path, results: dict[int, MapNoise]) -> None:
 
 
 def table(results: dict[int, MapNoise], schedules: Sequence[str] = SCHEDULES, limit_deg: float = 10.0) -> str:
-    """Return for each p and schedule the share of steps at which the noisy map alone tells the rotation."""
-    lines = [f"share of steps at which the noisy map alone tells the rotation within {limit_deg:g} deg (median)"]
+    """Return for each p and schedule the share of steps at which the rotation can be read from the noisy map."""
+    lines = [f"share of steps at which the median rotation error of the noisy map is below {limit_deg:g} deg"]
     lines += [" " * 6 + "".join(f"{name:>10}" for name in schedules)]
     for cells, result in results.items():
         shares = "".join(f"{100 * result.readable_share(name, limit_deg):>8.0f} %" for name in schedules)
@@ -114,7 +114,7 @@ def main(out: Path, samples: int = 2000, seed: int = 0) -> None:
 
     Args:
         out: PNG file to write.
-        samples: random poses for each noise level.
+        samples: random poses per noise level.
         seed: of the poses and the noise.
     """
     generator = torch.Generator().manual_seed(seed)

@@ -36,7 +36,7 @@ from simpick.training.training_step import loss_terms, matching_terms
 from simpick.training.validation import Validation
 
 LOG_STEPS = 20
-"""Every so many steps a row of the log says how training goes."""
+"""Steps between two rows of the log."""
 
 
 def train(
@@ -52,17 +52,17 @@ def train(
 ) -> Path:
     """Train a network until the budget is spent and return the file of its weights.
 
-    A folder that holds a run of the same configuration goes on where that stopped: weights, their average, optimiser,
-    step, and with the step all randomness and the data's order. `start_from` are weights to begin with instead of
-    random ones, `dino_weights` those of a frozen DINOv2. `on_row` is called with each row of the log and the share of
-    the run that is done.
+    A folder with a run of the same configuration is resumed: weights, their average, optimiser and step, which
+    determines all randomness and the order of the data. `start_from` is a file of initial weights instead of random
+    ones, `dino_weights` the file of a frozen DINOv2. `on_row` is called with each row of the log and the finished share
+    of the run.
 
     Raises:
         OutputError: the folder holds another run, or cannot be written.
-        ConfigError: a frozen image encoder has no weights; there are more templates in
-            training than the network takes.
-        SimpickError: data cannot be made, or the loss is not a number any more.
-        KeyboardInterrupt: Ctrl-C or SIGTERM; the step at hand was finished and the state saved.
+        ConfigError: a frozen image encoder has no weights, or there are more templates in training than the network
+            takes.
+        SimpickError: data cannot be made, or the loss is no longer a number.
+        KeyboardInterrupt: Ctrl-C or SIGTERM; the current step was finished and the state saved.
     """
     if config.templates > network.templates:
         raise ConfigError(f"templates must be at most the network's {network.templates}, got {config.templates}")
@@ -82,7 +82,7 @@ def train(
 
 @dataclass
 class _State:
-    """All that changes from step to step."""
+    """Everything that changes from step to step."""
 
     model: RayPose
     average: AveragedModel
@@ -117,9 +117,9 @@ def _start(
         raise ConfigError(
             f"image encoder {network.image_encoder!r} is frozen: give a local file with its weights as dino_weights"
             if network.is_dino
-            else "dino_weights are for DINOv2 as image encoder (size 'paper'), simpick's own is trained with the rest"
+            else "dino_weights are for DINOv2 as image encoder (size 'paper'), simpick's own is trained"
         )
-    # First weights follow from the seed; the caller's own randomness goes on as it was.
+    # Initial weights follow from the seed; the caller's random state is left as it was.
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed)
         model = RayPose(network)
@@ -157,7 +157,7 @@ class _Trainer:
     def run(self) -> None:
         """Train until the budget is spent."""
         if self._progress() >= 1:
-            # A run that was stopped before its first validation, and given less time since, has no weights yet.
+            # A run that was stopped before its first validation, and has a smaller budget now, has no weights yet.
             if self.processes.is_first and not self.run_folder.weights.exists():
                 self._validate(self._validation())
             return
@@ -185,7 +185,7 @@ class _Trainer:
                 validated_s = self.state.seconds
                 if validation is not None:
                     self._validate(validation)
-                # Validation is not training: its time is charged neither to this process nor to those that wait.
+                # The time of validation does not count, neither in this process nor in those that wait.
                 self.processes.wait()
                 last = time.perf_counter()
             if ended:
@@ -214,8 +214,8 @@ class _Trainer:
         norm = float(nn.utils.clip_grad_norm_(state.model.parameters(), config.max_grad_norm))
         if not math.isfinite(norm):
             raise SimpickError(
-                f"the loss is not a number any more at step {state.step}; what was saved last is kept. "
-                "Begin anew with a lower learning_rate"
+                f"the loss is no longer a number at step {state.step}; the state that was saved last is kept. "
+                "Start again with a lower learning_rate"
             )
         state.optimizer.step()
         state.step += 1

@@ -1,4 +1,4 @@
-"""One step's loss: noise on the true maps, the network's prediction, the paper's terms."""
+"""The loss of one training step: noise on the true maps, the network's prediction, the terms of the loss."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Validation with sampled poses on held-out parts: the loss alone misleads (it falls while poses stay at chance)."""
+"""Validation by sampled poses of held-out parts; the loss alone can fall while poses stay at chance level."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _PLAIN = AugmentationConfig(box_jitter=0.0, ragged_share=0.0, hidden_share=0.0, 
 
 
 class Validation:
-    """The same held-out queries and templates every time."""
+    """Fixed held-out queries and templates."""
 
     def __init__(self, shards: Sequence[Shard], network: RayPoseConfig, config: TrainConfig) -> None:
         rng = np.random.default_rng([config.seed, 8])
@@ -35,23 +35,23 @@ class Validation:
 
     @property
     def queries(self) -> int:
-        """Return how many queries are measured."""
+        """Return the number of queries."""
         return sum(len(batch) for batch in self._batches)
 
     def measure(self, model: RayPose, schedule: Schedule) -> dict[str, float]:
-        """Return medians and recalls of sampled poses, with as many templates as at run time."""
+        """Return medians and recalls of sampled poses, with the number of templates of run time."""
         device = next(model.parameters()).device
-        turned, depths, centres = [], [], []
+        rotations, depths, centres = [], [], []
         model.eval()
         with torch.inference_mode():
             for shard, batch in zip(self._shards, self._batches, strict=True):
                 R, centre, ratio = self._sample(model, batch.to(device), schedule)
                 truth = batch.truth
-                turned.append(np.degrees(shard.symmetries.rotation_distance(R, truth.R[:, 0].double().numpy())))
+                rotations.append(np.degrees(shard.symmetries.rotation_distance(R, truth.R[:, 0].double().numpy())))
                 depths.append(np.abs(ratio - 1))
                 centres.append(np.linalg.norm(centre - truth.centre[:, 0].numpy(), axis=-1))
         model.train()
-        deg = np.concatenate(turned)
+        deg = np.concatenate(rotations)
         return {
             "rotation_deg": float(np.median(deg)),
             "below_5_deg": float((deg < 5).mean()),

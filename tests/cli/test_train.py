@@ -25,7 +25,7 @@ def options(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     return ["--config", str(file), "--size", "tiny", "--steps", "2", *resources]
 
 
-def test_training_leaves_weights_and_curves_and_goes_on(options: list[str], tmp_path: Path, capsys) -> None:
+def test_training_leaves_weights_and_curves_and_resumes(options: list[str], tmp_path: Path, capsys) -> None:
     out = ["--out", str(tmp_path / "run")]
     assert main(["train", "coarse", *options, *out, "--network.no-multiview", "--training.batch", "2"]) == 0
     assert {"weights.safetensors", "curves.png", "scaling.png", "curves.rrd"} <= {
@@ -63,7 +63,7 @@ def test_options_set_the_defaults_of_others(tmp_path: Path) -> None:
     assert Train.defaults([]).network == PRESETS["small"] and Ablate.defaults([]).network == PRESETS["tiny"]
 
 
-def test_ablations_fill_both_tables_and_go_on(options: list[str], tmp_path: Path) -> None:
+def test_ablations_fill_both_tables_and_resume(options: list[str], tmp_path: Path) -> None:
     assert main(["ablate", "paper", *options, "--out", str(tmp_path)]) == 0
     text = (tmp_path / "paper.md").read_text()
     results = json.loads((tmp_path / "paper.json").read_text())

@@ -34,7 +34,7 @@ def resources(tiny_shards: Path) -> Resources:
 
 @pytest.fixture(scope="module")
 def straight(tiny_shards: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run without graceful_stop."""
+    """A run without interruption."""
     folder = tmp_path_factory.mktemp("straight")
     train(NETWORK, TINY_TRAINING, Budget(steps=STEPS), folder, resources=Resources("cpu", 0, shards=tiny_shards))
     return folder
@@ -44,7 +44,7 @@ def saved(folder: Path) -> dict:
     return torch.load(folder / "state.pt", weights_only=True)
 
 
-def test_a_run_that_was_interrupted_goes_on_bit_by_bit(straight: Path, resources: Resources, tmp_path: Path) -> None:
+def test_a_run_that_was_interrupted_resumes_bit_by_bit(straight: Path, resources: Resources, tmp_path: Path) -> None:
     def interrupt(row: dict, progress: float) -> None:
         if row["step"] == 2:
             os.kill(os.getpid(), signal.SIGINT)
@@ -54,7 +54,7 @@ def test_a_run_that_was_interrupted_goes_on_bit_by_bit(straight: Path, resources
     with pytest.raises(KeyboardInterrupt):
         train(NETWORK, TINY_TRAINING, Budget(steps=STEPS), tmp_path, resources=often, on_row=interrupt)
     assert signal.getsignal(signal.SIGINT) is before
-    assert saved(tmp_path)["step"] == 3, "the step at hand is finished first"
+    assert saved(tmp_path)["step"] == 3, "the current step is finished first"
     train(NETWORK, TINY_TRAINING, Budget(steps=STEPS), tmp_path, resources=resources)
     ours, theirs = saved(tmp_path), saved(straight)
     assert ours["step"] == theirs["step"] == STEPS
@@ -136,7 +136,7 @@ def test_a_folder_of_another_run_is_refused_with_what_differs(straight: Path, re
         train(replace(NETWORK, spread_deg=15.0), other, Budget(steps=STEPS), straight, resources=resources)
 
 
-def test_a_damaged_state_is_said_and_kept(straight: Path, resources: Resources, tmp_path: Path) -> None:
+def test_a_damaged_state_is_reported_and_kept(straight: Path, resources: Resources, tmp_path: Path) -> None:
     (tmp_path / "config.json").write_bytes((straight / "config.json").read_bytes())
     damaged = (straight / "state.pt").read_bytes()[:5000]
     (tmp_path / "state.pt").write_bytes(damaged)
@@ -149,7 +149,7 @@ def test_a_loss_that_is_not_a_number_ends_the_run_and_saves_nothing(
     resources: Resources, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(trainer, "weighted_sum", lambda terms, weights: sum(terms.values()) * torch.tensor(torch.nan))
-    with pytest.raises(SimpickError, match=r"the loss is not a number any more at step 0; .* lower learning_rate"):
+    with pytest.raises(SimpickError, match=r"the loss is no longer a number at step 0; .* lower learning_rate"):
         train(NETWORK, TINY_TRAINING, Budget(steps=STEPS), tmp_path, resources=resources)
     assert not (tmp_path / "state.pt").exists() and not (tmp_path / "weights.safetensors").exists()
 

@@ -1,4 +1,4 @@
-"""Validation tells the errors of sampled poses in degrees and percent, whatever the network."""
+"""Validation reports errors of sampled poses in degrees and percent for every kind of network."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What training changes of a query: its turn in the plane, its frame, its mask. Exact in a virtual camera."""
+"""Augmentation of queries: rotation in the image plane, frame and mask, exact by a virtual camera."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class AugmentationConfig(Config):
 def perturb_mask(
     mask: Bool[np.ndarray, "size size"], config: AugmentationConfig, rng: np.random.Generator
 ) -> Bool[np.ndarray, "size size"]:
-    """Return the mask as a detector might give it; never empty, and unchanged where too little would be left."""
+    """Return the mask as a detector might find it; unchanged where too few pixels would be left."""
     out = mask
     if rng.random() < config.hidden_share:
         out = out & _half_plane(mask, rng)
@@ -57,7 +57,7 @@ def _half_plane(mask: Bool[np.ndarray, "size size"], rng: np.random.Generator) -
 def jitter_boxes(
     boxes_xyxy_px: Float[np.ndarray, "n 4"], config: AugmentationConfig, rng: np.random.Generator
 ) -> Float[np.ndarray, "n 4"]:
-    """Return the boxes moved and scaled a little."""
+    """Return the boxes with random shifts and scales."""
     centre, size = (boxes_xyxy_px[:, :2] + boxes_xyxy_px[:, 2:]) / 2, boxes_xyxy_px[:, 2:] - boxes_xyxy_px[:, :2]
     side = size.max(axis=1, keepdims=True)
     centre = centre + rng.normal(0, config.box_jitter, centre.shape) * side

@@ -1,4 +1,4 @@
-"""`BatchSource`: the batches of all steps in order, put together by threads ahead of time from streamed shards."""
+"""`BatchSource`: the batches of all steps in order, assembled in advance by threads from streamed shards."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from simpick.training.resources import Resources
 
 
 class BatchSource:
-    """What a step sees follows from its number and the configuration alone. A context manager."""
+    """Batches that depend only on the configuration and the number of the step. A context manager."""
 
     def __init__(
         self,
@@ -30,7 +30,7 @@ class BatchSource:
         processes: Distributed,
         step: int,
     ) -> None:
-        """Begin with `step`; each process of several has shards of its own."""
+        """Start at `step`; each of several processes has its own shards."""
         self._config, self._rank = config, processes.rank
         self._network = dataclasses.replace(network, templates=config.templates)
         data = dataclasses.replace(config.data, seed=config.data.seed + processes.rank)
@@ -47,15 +47,15 @@ class BatchSource:
         self._shards: dict[int, Shard] = {}
         self._lock = threading.Lock()
         self._pool = ThreadPoolExecutor(max(1, resources.loaders), thread_name_prefix="loader")
-        self._ahead = 2 * max(1, resources.loaders)
+        self._prefetch = 2 * max(1, resources.loaders)
         self._futures: dict[int, Future[TrainingBatch]] = {}
         self._waited_s, self._since = 0.0, time.perf_counter()
 
     def get(self, step: int) -> TrainingBatch:
-        """Return the batch of a step; the next ones are made meanwhile."""
-        for ahead in range(step, step + self._ahead + 1):
-            if ahead not in self._futures:
-                self._futures[ahead] = self._pool.submit(self._make, ahead)
+        """Return the batch of a step, while the next ones are made in the background."""
+        for k in range(step, step + self._prefetch + 1):
+            if k not in self._futures:
+                self._futures[k] = self._pool.submit(self._make, k)
         start = time.perf_counter()
         batch = self._futures.pop(step).result()
         self._waited_s += time.perf_counter() - start
@@ -69,7 +69,7 @@ class BatchSource:
         return share
 
     def close(self) -> None:
-        """End threads and renderers; may be called again."""
+        """Stop threads and renderers; may be called more than once."""
         self._pool.shutdown(wait=True, cancel_futures=True)
         self._stream.close()
 
@@ -94,7 +94,7 @@ class BatchSource:
             return self._shards[index]
 
     def _forget_below(self, index: int) -> None:
-        # Steps that are made at the same time may still need a few before.
+        # Batches that are made at the same time may still need a few earlier shards.
         with self._lock:
             while self._first < index - self._config.parts:
                 self._shards.pop(self._first, None)

@@ -1,4 +1,4 @@
-"""Training batches: queries of shards, each with templates drawn for it, and the pose maps that are to be learned."""
+"""Training batches: queries of shards, the templates drawn for each, and the true poses."""
 
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ from simpick.training.data.augmentation import AugmentationConfig, jitter_boxes,
 from simpick.training.data.shard import Shard
 
 CENTRE_ERROR = 0.4
-"""Fine templates are drawn around the true pose turned by a normal error of this share of the spread."""
+"""Standard deviation of the rotation error of the pose that fine templates are drawn around, per spread."""
 NOMINAL_DISTANCE_M = 0.9
-"""At which `RayPoseConfig.spread_m` is a shift or a change of distance."""
+"""Distance at which `RayPoseConfig.spread_m` becomes a shift and a scale."""
 
 
 @dataclass(frozen=True, eq=False)
 class TrainingBatch(TensorRecord):
-    """What one step learns from."""
+    """Inputs and targets of one step."""
 
     query: QueryInputs
     templates: TemplateInputs
-    """Sets of templates; coarse queries of one part share theirs, so that they are encoded once."""
+    """Sets of templates; coarse queries of one part share a set, which is encoded once."""
     sets: Int[Tensor, "batch"]
-    """Which set each query is compared with."""
+    """Index of the set of each query."""
     truth: ViewPoses
-    """Of the queries; leading dimensions (batch, 1). Of equivalent poses the one closest to the templates."""
+    """Poses of the queries, shape (batch, 1); of equivalent poses the one closest to the templates."""
     points: Float[Tensor, "batch cells 3"]
-    """Mean position in the part's frame of what each query cell shows, in diameters."""
+    """Mean position of the surface that each query cell shows, in the part frame, in diameters."""
     coverage: Float[Tensor, "batch cells"]
     """Share of each query cell that shows the part. Cells are those of `RayPoseConfig.geometry_cells`."""
     Ts_crop_part: Float[np.ndarray, "batch 4 4"]
@@ -63,7 +63,7 @@ def make_batch(
     *,
     augmentation: AugmentationConfig | None = None,
 ) -> TrainingBatch:
-    """Return the given queries of each shard as one batch; all randomness comes from `rng`."""
+    """Return the given queries of each shard as one batch; `rng` is the only source of randomness."""
     augmentation = augmentation or AugmentationConfig()
     batches = [_part_batch(shard, rows, config, rng, augmentation) for shard, rows in zip(shards, queries, strict=True)]
     first = np.cumsum([0, *(len(batch.templates.diameter_m) for batch in batches)]).tolist()
@@ -78,7 +78,7 @@ def _part_batch(
     rng: np.random.Generator,
     augmentation: AugmentationConfig,
 ) -> TrainingBatch:
-    """Return queries of one shard, all of which show the same part."""
+    """Return queries of one shard, which all show the same part."""
     masks = np.stack([perturb_mask(shard.masks[row], augmentation, rng) for row in rows])
     shared = None if config.is_fine else _draw_over_sphere(shard, config, rng)
     if shared is None:
@@ -92,7 +92,7 @@ def _part_batch(
     sampled, points_m, coverage = _sample(shard, rows, masks, recrops, config)
     gain = torch.tensor(1 + augmentation.brightness * rng.uniform(-1, 1, len(rows)), dtype=torch.float32)
     rgb = (sampled[:, :3] * gain[:, None, None, None]).clamp(0, 1)
-    # Of equivalent poses, those that are nearest to one another.
+    # Of equivalent poses, those closest to each other.
     if shared is None:
         truths = Ts
         templates = [_draw_around(shard, T, config, rng).nearest_to(T, shard.symmetries) for T in Ts]
@@ -122,7 +122,7 @@ def _sample(
     size, focal = shard.crop_px, shard.focal_px[rows]
     rgb = torch.from_numpy(shard.rgb[rows]).permute(0, 3, 1, 2).float() / 255
     mask = torch.from_numpy(masks)[:, None].float()
-    # What a grown mask adds is not the part.
+    # The pixels that a grown mask adds do not show the part.
     true_mask = torch.from_numpy(masks & shard.masks[rows])[:, None].float()
     depth_m = shard.relief_m[rows].astype(np.float32) + shard.Ts_crop_part[rows, 2, 3][:, None, None]
     depth = torch.from_numpy(depth_m.astype(np.float32))
@@ -146,7 +146,7 @@ def _in_part(
 
 
 def _draw_over_sphere(shard: Shard, config: RayPoseConfig, rng: np.random.Generator) -> TemplateCrops:
-    """Return coarse templates, upright; told as at run time, as of equivalent poses those nearest to the first's."""
+    """Return upright coarse templates; of equivalent poses, as at run time, those closest to the first template's."""
     views = draw_over_sphere(
         shard.templates.Ts_camera_part[:, :3, :3], config.templates, rng, fixed=config.template_views == "fixed"
     )
@@ -155,9 +155,9 @@ def _draw_over_sphere(shard: Shard, config: RayPoseConfig, rng: np.random.Genera
 
 
 def _turn_towards(templates: TemplateCrops, T_crop_part: Float[np.ndarray, "4 4"], rng: np.random.Generator) -> float:
-    """Return the turn by which a query is about as upright as the template that shows the part most like it.
+    """Return the rotation that aligns a query with the most similar template, with an error of at most 15 degrees.
 
-    At run time, queries are tried in twelve turns.
+    At run time, queries are compared in twelve rotations.
     """
     Rs, R = templates.Ts_crop_part[:, :3, :3], T_crop_part[:3, :3]
     nearest = np.argmin(view_angles(Rs, R))
@@ -167,7 +167,7 @@ def _turn_towards(templates: TemplateCrops, T_crop_part: Float[np.ndarray, "4 4"
 def _nearest_to_a_template(
     shard: Shard, T_crop_part: Float[np.ndarray, "4 4"], templates: TemplateCrops
 ) -> Float[np.ndarray, "4 4"]:
-    """Return the equivalent pose that is turned least against one of the templates."""
+    """Return the equivalent pose with the smallest rotation to one of the templates."""
     Rs = templates.Ts_crop_part[:, :3, :3]
     distances = shard.symmetries.rotation_distance(np.broadcast_to(T_crop_part[:3, :3], Rs.shape), Rs)
     return shard.symmetries.closest_equivalent(T_crop_part, templates.Ts_crop_part[int(np.argmin(distances))])
@@ -176,7 +176,7 @@ def _nearest_to_a_template(
 def _draw_around(
     shard: Shard, T_crop_part: Float[np.ndarray, "4 4"], config: RayPoseConfig, rng: np.random.Generator
 ) -> TemplateCrops:
-    """Return fine templates: around the pose turned by a random error, moved and scaled at random."""
+    """Return fine templates around the pose with a random rotation error, with random shifts and scales."""
     Rs, count = shard.templates.Ts_camera_part[:, :3, :3], config.templates
     spread = np.radians(config.spread_deg)
     error = np.clip(rng.normal(0, CENTRE_ERROR * spread), -spread, spread)

@@ -1,4 +1,4 @@
-"""Where the cameras of a shard stand, and what light they see its bin in."""
+"""Cameras and lights of the views of a shard's bin."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from simpick.scene.randomization import RANDOMIZATIONS, Look, draw_look
 from simpick.scene.workspace import BIN_CENTRE_M
 from simpick.training.data.data_config import DataConfig
 
-# In diameters, about every target's origin: half for the target itself, the rest for what its crop shows around it.
+# Around each target's origin, in diameters: half for the target, the rest for the surroundings in its crop.
 _MARGIN = 1.0
 _SMALLEST_PX = 64
 
@@ -22,12 +22,11 @@ def draw_viewpoint(
     diameter_m: float,
     rng: np.random.Generator,
 ) -> Viewpoint:
-    """Return a camera that looks between the bin's centre and one of the targets, zoomed at random.
+    """Return a camera that looks at a point between the bin's centre and a target, with a random focal length.
 
-    Its image is cut to what the targets need, so that nothing is rendered in vain; the principal point is wherever
-    that leaves it.
+    Its image is cropped to the targets to save rendering, which moves the principal point.
     """
-    # Uniform over the cap of directions, as tilt grows with the square root.
+    # Uniform over the cap of directions.
     tilt = np.radians(config.tilt_deg) * np.sqrt(rng.random())
     azimuth, roll = rng.uniform(0, 2 * np.pi, size=2)
     distance = rng.uniform(*config.distance_m)
@@ -47,7 +46,7 @@ def _window(
     targets_m: Float[np.ndarray, "n 3"],
     T_world_camera: Float[np.ndarray, "4 4"],
 ) -> Pinhole:
-    """Return the camera whose image holds all targets, as far as the greatest image about the axis holds them."""
+    """Return the camera whose image contains all targets, as far as they lie in the largest image allowed."""
     points = (targets_m - T_world_camera[:3, 3]) @ T_world_camera[:3, :3]
     pixels = focal * points[:, :2] / points[:, 2:]
     half = np.array([config.image_width_px, config.image_height_px]) / 2

@@ -1,4 +1,4 @@
-"""`DataConfig`: what the training data is drawn from."""
+"""`DataConfig`: the settings of the training data."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from simpick.scene.config import MAX_PARTS
 from simpick.scene.randomization import RANDOMIZATIONS
 
 Split = Literal["train", "validation"]
-"""Two worlds of parts that share none."""
+"""Two disjoint sets of parts."""
 
 # Bounds of both ends of the fields that are ranges.
 _Count = Annotated[int, Interval(ge=1, le=MAX_PARTS)]
@@ -27,7 +27,7 @@ _Diameter = Annotated[float, Interval(ge=8, le=1000)]
 
 @dataclass(frozen=True)
 class DataConfig(Config):
-    """Ranges and sizes of the training data. Together with a split and an index it determines a shard."""
+    """Ranges and sizes of the training data. With a split and an index they determine a shard."""
 
     seed: NonNegativeInt = 0
     """Seed of parts, bins and views."""

@@ -1,4 +1,4 @@
-"""Which shards and queries a step sees: a function of seed and step alone, so that a resumed run sees the same."""
+"""The shards and queries of each step, which depend only on seed and step, so that a run can resume exactly."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def window_at(config: TrainConfig, step: int) -> range:
 
 
 def step_rng(config: TrainConfig, step: int, rank: int) -> np.random.Generator:
-    """Return the generator of everything random about a step's data."""
+    """Return the random generator of a step's data."""
     return np.random.default_rng([config.seed, 7, rank, step])
 
 
@@ -27,5 +27,5 @@ def draw_shards(config: TrainConfig, step: int, rng: np.random.Generator) -> lis
 
 
 def draw_queries(count: int, wanted: int, rng: np.random.Generator) -> Int[np.ndarray, "wanted"]:
-    """Return which of a shard's queries are seen; some twice if there are too few."""
+    """Return indices of a shard's queries; with repetition if there are too few."""
     return rng.choice(count, wanted, replace=count < wanted)

@@ -1,4 +1,4 @@
-"""What flow is to be learned from: where the query shows each followed template cell."""
+"""Targets of the flow: the position of each template cell in the query."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from simpick.estimators.raypose.network.pose_solver import SolvedPoses, project
 from simpick.training.data.batches import TrainingBatch
 
 _SAME_PLACE = 0.06
-"""Diameters within which a query cell shows the same place as a template's; farther ones are hidden behind it."""
+"""Distance in diameters below which a query cell shows the same point; a farther point is hidden."""
 
 
 def flow_terms(model: RayPose, batch: TrainingBatch, flow: Flow) -> dict[str, Float[Tensor, ""]]:
     """Return the terms of flow by the names of `LossWeights`.
 
-    Without multiview, flow has a group for each template: of each query one after the other.
+    Without multiview, flow has one group per template, query by query.
     """
     assert model.flow is not None
     repeats = len(flow.points) // len(batch)

@@ -1,4 +1,4 @@
-"""A random training part in a cluttered bin: which parts, how many, in what bin."""
+"""Random cluttered bins of training parts."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ from simpick.scene.randomization import RANDOMIZATIONS, Look, draw_look
 from simpick.training.data.data_config import DataConfig, Split
 
 _ATTEMPTS = 12
-# Parts only have to come to rest in a plausible heap; nothing grips them. A third of the time of the exact settings.
+# Parts only need to settle in a plausible pile; nothing grips them. Takes a third of the time of the exact settings.
 _PHYSICS = PhysicsConfig(
     timestep_s=0.004, noslip_iterations=0, impratio=1.0, solver_iterations=10, solver_tolerance=1e-5
 )
-# Share of the bin's hollow that the parts' convex hulls may fill; a heap far over the rim takes ever so long to rest.
+# Share of the bin's volume that the parts' convex hulls may fill; a pile far above the rim takes long to settle.
 _FULLEST = 0.45
-# Other parts come from a pool that every process soon holds; the shard's own part is new in each shard.
+# Other parts come from a pool that every process soon has cached; the shard's own part is new in each shard.
 _OTHERS_POOL = 64
 
 
 def random_part_seed(rng: np.random.Generator, split: Split) -> int:
-    """Return the seed of a training part (even) or of a validation part (odd), so that no draw can mix them."""
+    """Return the seed of a training part (even) or of a validation part (odd), so that the splits never share one."""
     return 2 * int(rng.integers(2**40)) + (split == "validation")
 
 
 def random_bin(config: DataConfig, part: Part, rng: np.random.Generator, split: Split) -> Scene:
-    """Return a settled bin that holds several instances of `part`, and often others of the same split.
+    """Return a settled bin with several instances of `part`, and often other parts of the same split.
 
-    The scene has as many lamps as any look needs; `relight` it before use.
+    The scene has the most lamps that a look can have; `relight` it before use.
 
     Raises:
-        SceneError: parts did not stay in the bin, however few they were.
+        SceneError: parts did not settle in the bin in any of the attempts.
     """
     parts = _draw_instances(config, part, rng, split)
     standard = BinConfig()
@@ -50,14 +50,14 @@ def random_bin(config: DataConfig, part: Part, rng: np.random.Generator, split: 
             robot=None,
             bin=bin,
             overhead=CameraConfig(config.image_width_px, config.image_height_px),
-            # Nobody looks through it.
+            # Not used.
             overview=CameraConfig(16, 16),
             physics=_PHYSICS,
         )
         try:
             return build_scene_of(scene_config, parts, int(rng.integers(2**31)), _richest_look(len(parts), rng))
         except SceneError as error:
-            # Too large for this bin, or restless; fewer in another bin will do.
+            # Too many for this bin, or not at rest: try fewer in another bin.
             last = error
             parts = parts[: max(1, 2 * len(parts) // 3)]
     raise SceneError(f"no bin of {part.name} came to rest in {_ATTEMPTS} attempts; the last: {last}")
@@ -74,12 +74,12 @@ def _draw_instances(config: DataConfig, part: Part, rng: np.random.Generator, sp
     others = [random_part(seeds[k]) for k in rng.choice(_OTHERS_POOL, size=number, replace=False)]
     others = [other for other in others if other.name != part.name]
     drawn = [part] * own + [others[k] for k in rng.integers(len(others), size=count - own)]
-    # One of the shard's own first, so that it stays when parts are left out; the rest in random order.
+    # One of the shard's own comes first and is never left out; the others follow in random order.
     return (part, *(drawn[k] for k in 1 + rng.permutation(count - 1)))
 
 
 def _that_fit(parts: tuple[Part, ...], bin: BinConfig) -> tuple[Part, ...]:
-    """Return as many parts, from the first on, as make a heap that the bin holds; one at least."""
+    """Return the first parts, as many as fit into the bin; at least one."""
     volumes = np.cumsum([part.mesh.convex_hull.volume for part in parts])
     room = bin.length_m * bin.width_m * bin.depth_m
     return parts[: max(1, int(np.searchsorted(volumes, _FULLEST * room)))]

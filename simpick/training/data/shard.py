@@ -31,11 +31,11 @@ class Shard:
     symmetries: SymmetryGroup
     templates: TemplateSet
     rgb: UInt8[np.ndarray, "queries size size 3"]
-    """Crops by virtual cameras, see `simpick.geometry.crops`; black where the rendered image ends."""
+    """Crops by virtual cameras, see `simpick.geometry.crops`; black outside the rendered image."""
     masks: Bool[np.ndarray, "queries size size"]
     """The visible part of each query's own instance."""
     relief_m: Float16[np.ndarray, "queries size size"]
-    """Depth of the surface less that of the part's origin, along the crop's axis; 0 beside the mask."""
+    """Depth of the surface minus that of the part's origin, along the crop's axis; 0 outside the mask."""
     focal_px: Float[np.ndarray, "queries"]
     """Focal length of each crop's camera; its principal point is the crop's centre."""
     Ts_crop_part: Float[np.ndarray, "queries 4 4"]
@@ -43,11 +43,11 @@ class Shard:
     visible_fractions: Float[np.ndarray, "queries"]
     """Share of the instance's silhouette that is visible."""
     source_side_px: Float[np.ndarray, "queries"]
-    """Longer side of the visible part's box in the rendered image: how sharp the crop can be."""
+    """Longer side of the visible part's box in the rendered image, which limits the sharpness of the crop."""
     views: Int[np.ndarray, "queries"]
-    """Number of the rendered image that a query was cut from."""
+    """Index of the rendered image that a query was cropped from."""
     instances: Int[np.ndarray, "queries"]
-    """Number of the query's instance in its bin."""
+    """Index of the query's instance in its bin."""
 
     def __len__(self) -> int:
         return len(self.rgb)
@@ -130,7 +130,7 @@ _QUERY_ARRAYS = (
 def _read_header(path: Path, content: bytes) -> dict[str, Any]:
     header = json.loads(content)
     if not isinstance(header, dict) or header.get("format") != _FORMAT:
-        raise DatasetError(f"{path} must be a shard of training data, is something else")
+        raise DatasetError(f"{path} must be a shard of training data, has another format")
     if header.get("version") != _VERSION:
         raise DatasetError(
             f"{path} must be a shard of version {_VERSION}, got {header.get('version')}: another version of simpick"

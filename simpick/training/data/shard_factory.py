@@ -1,4 +1,4 @@
-"""`make_shard`: a training shard from nothing but a configuration, a split and an index."""
+"""`make_shard`: the training shard of a configuration, a split and an index."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from simpick.training.data.random_bins import random_bin, random_part_seed
 from simpick.training.data.shard import Shard
 
 VERSION = 1
-"""Raise when the same configuration would give other shards."""
+"""To be raised when the same configuration gives other shards."""
 _BINS = 5
 
 
 @dataclass
 class ShardTimes:
-    """Seconds of wall-clock time by phase, summed over the shards that were made with it."""
+    """Wall-clock seconds per phase, summed over shards."""
 
     seconds: dict[str, float] = field(default_factory=dict)
 
     @contextmanager
     def phase(self, name: str) -> Iterator[None]:
-        """Add the time that the body takes."""
+        """Add the time of the body."""
         start = time.perf_counter()
         try:
             yield
@@ -59,12 +59,12 @@ class _Query:
 
 
 def make_shard(config: DataConfig, index: int, *, split: Split, times: ShardTimes | None = None) -> Shard:
-    """Return the shard of this index: the same in every process, and of no part of the other split.
+    """Return the shard of this index: the same in every process, and of a part of this split only.
 
-    `times` takes up how long the phases took.
+    The times of the phases are added to `times`.
 
     Raises:
-        ConfigError: the index is negative, or no instance can be seen as the configuration asks.
+        ConfigError: the index is negative, or no instance is as visible as the configuration requires.
         RenderingUnavailableError: OpenGL is missing.
     """
     if index < 0:
@@ -82,7 +82,7 @@ def make_shard(config: DataConfig, index: int, *, split: Split, times: ShardTime
             break
     else:
         raise ConfigError(
-            f"some instance of {part.name} must show {config.min_visible_px} px and a share of"
+            f"an instance of {part.name} must show {config.min_visible_px} px and a share of"
             f" {config.min_visible_fraction:.2f}, none did in {_BINS} bins; lower these limits, or raise diameter_px"
         )
     with times.phase("templates"):
@@ -107,7 +107,7 @@ def make_shard(config: DataConfig, index: int, *, split: Split, times: ShardTime
 def _look_around(
     config: DataConfig, scene: Scene, part: Part, rng: np.random.Generator, times: ShardTimes
 ) -> list[_Query]:
-    """Return queries from one view after the other, until there are enough."""
+    """Return queries from view after view until there are enough."""
     own = [i.instance for i in scene.instances if i.part.name == part.name]
     targets_m = scene.positions_m[own]
     queries: list[_Query] = []
@@ -125,7 +125,7 @@ def _look_around(
 
 
 def _is_inside(visibility: Visibility, camera: Pinhole) -> bool:
-    """Return whether the whole silhouette, hidden pixels included, lies in the image."""
+    """Return whether the whole silhouette, including hidden pixels, is within the image."""
     x1, y1, x2, y2 = visibility.box_silhouette_xyxy_px
     return bool(x1 >= 0 and y1 >= 0 and x2 <= camera.width and y2 <= camera.height)
 
@@ -147,13 +147,13 @@ def _queries_of_view(
     seen = np.bincount(frame.instances[frame.instances >= 0], minlength=len(scene.instances))
     fractions: dict[int, float] = {}
     with times.phase("visibility"):
-        # Only as many as are wanted are measured, for each is drawn alone.
+        # Each instance is rendered alone to measure it, so stop when there are enough.
         for instance in rng.permutation([k for k in own if seen[k] >= config.min_visible_px]):
             if len(fractions) == wanted:
                 break
             k = int(instance)
             measured = measure_instance(renderer, k, int(seen[k]), frame.camera, frame.T_world_camera)
-            # What the image's border cuts is left out: it is common in zoomed views and rare where bins are picked.
+            # Instances cut by the image border are left out: frequent in these zoomed views, rare in real ones.
             if (
                 measured is not None
                 and measured.fraction >= config.min_visible_fraction
@@ -189,12 +189,12 @@ def _relief(
     row: int,
     T_crop_part: Float[np.ndarray, "4 4"],
 ) -> Float16[np.ndarray, "size size"]:
-    """Return how far behind the part's origin the nearest source pixel's surface lies, along the crop's axis."""
+    """Return the depth of the nearest source pixel's surface minus that of the part's origin, along the crop's axis."""
     H = crops.cameras.homographies(camera)[row]
-    # OpenCV puts pixel centres at integers.
+    # OpenCV has pixel centres at integers.
     to_corners = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5], [0.0, 0.0, 1.0]])
     size = crops.cameras.size_px
     z = cv2.warpPerspective(depth_m, np.linalg.inv(to_corners) @ H @ to_corners, (size, size), flags=cv2.INTER_NEAREST)
-    # Depth is measured along the source's axis: a crop's ray of depth 1 has this depth there.
+    # Depth is measured along the source camera's axis, where a crop's ray of depth 1 has this depth.
     rays = crops.cameras.pinhole(row).rays() @ crops.cameras.Rs_crop_camera[row][:, 2]
     return np.where(crops.masks[row], z / rays - T_crop_part[2, 3], 0).astype(np.float16)  # pyright: ignore

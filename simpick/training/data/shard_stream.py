@@ -1,4 +1,4 @@
-"""`ShardStream`: shards in order, made ahead of their consumer by renderer processes, spooled on disk."""
+"""`ShardStream`: shards in order, made in advance by renderer processes and stored on disk."""
 
 from __future__ import annotations
 
@@ -19,11 +19,10 @@ from simpick.workers import WorkerLimits, WorkerPool
 
 
 class ShardStream:
-    """Shards by index. Index k is the same shard always, so a run that stopped at k goes on at k.
+    """Shards by index; a context manager. Index k always gives the same shard, so a run can resume at k.
 
-    Files lie in `folder`, named by split, configuration and index. Those of an earlier run with the same
-    configuration are used again if they are whole; those of another configuration are left alone. Use it as a context
-    manager, or close it.
+    Files are named by split, configuration and index. Undamaged files of an earlier run with the same configuration are
+    used again; those of another configuration are left alone.
     """
 
     def __init__(
@@ -38,20 +37,20 @@ class ShardStream:
         keep: bool = False,
         limits: WorkerLimits | None = None,
     ) -> None:
-        """Begin to make the shards from `start` on.
+        """Start to make the shards from `start`.
 
         Args:
-            folder: Where they are spooled; some 5 MB each with the default configuration.
-            config: What they are drawn from.
-            split: Which of the two worlds of parts they are of.
-            workers: Renderer processes; 0 makes shards in this process, when they are asked for.
-            prefetch: How many shards beyond the one asked for last are made in advance.
-            start: The first index that will be asked for; what an earlier run left below it is deleted.
+            folder: Where they are stored, about 5 MB each with the default configuration.
+            config: The settings of the data.
+            split: Which of the two disjoint sets of parts to draw from.
+            workers: Renderer processes; 0 makes each shard in this process on request.
+            prefetch: How many shards after the last requested one are made in advance.
+            start: The first index that will be requested; files of lower indices are deleted.
             keep: Never delete files.
             limits: Time limits of the workers.
 
         Raises:
-            ConfigError: a number is negative, or there are workers with nothing to make ahead.
+            ConfigError: a number is negative, or there are workers and `prefetch` is 0.
         """
         if workers < 0 or prefetch < 0 or start < 0:
             raise ConfigError(
@@ -61,7 +60,7 @@ class ShardStream:
             raise ConfigError(f"prefetch must be 1 or more with {workers} workers, got 0")
         self.folder, self.prefetch, self.keep = folder, prefetch, keep
         self.waited_s = 0.0
-        """Seconds that `get` has taken so far."""
+        """Seconds spent in `get` so far."""
         self._prefix = f"{split}-{cache_key(VERSION, repr(config), mujoco.__version__)}"
         if not keep:
             self._delete_below(start)
@@ -86,9 +85,9 @@ class ShardStream:
         return self._pool.replaced if self._pool is not None else 0
 
     def get(self, index: int) -> Shard:
-        """Return a shard, as soon as it is ready; the next ones are made meanwhile.
+        """Return a shard as soon as it is ready, while the next ones are made in the background.
 
-        A damaged file is made anew.
+        A damaged file is made again.
 
         Raises:
             SimpickError: it cannot be made, or no worker works.
@@ -108,12 +107,12 @@ class ShardStream:
             self.waited_s += time.perf_counter() - start
 
     def release(self, index: int) -> None:
-        """Delete a shard that is needed no more, unless the stream keeps all."""
+        """Delete a shard that is no longer needed, unless the stream keeps its files."""
         if not self.keep:
             self.path(index).unlink(missing_ok=True)
 
     def close(self) -> None:
-        """End the workers; finished shards stay for the next run. May be called again."""
+        """Stop the workers; finished shards remain for the next run. May be called more than once."""
         if self._pool is not None:
             self._pool.close()
 
@@ -132,7 +131,7 @@ class ShardStream:
             self._calls[index].result()
 
     def _aim(self, index: int) -> None:
-        """Let the workers make what is missing from this index on."""
+        """Submit the missing shards from this index to the workers."""
         if self._pool is None:
             return
         wanted = range(index, index + 1 + self.prefetch)

@@ -1,4 +1,4 @@
-"""Batches of shards: the truth that they tell is that of the images, for every part and every kind of templates."""
+"""Batches of shards: their poses are those of the images, for every part and every kind of templates."""
 
 import itertools
 from dataclasses import fields, replace
@@ -25,7 +25,7 @@ PLAIN = AugmentationConfig(turn=False, box_jitter=0.0, ragged_share=0.0, hidden_
 
 @pytest.fixture(scope="module")
 def symmetric(shard: Shard) -> Shard:
-    """The same images, told to be of a part that looks the same after every sixth of a turn, and upside down."""
+    """The same images, of a part declared to be symmetric under rotations by 60 degrees and upside down."""
     return replace(shard, symmetries=SymmetryGroup.cyclic(6, flips=True))
 
 
@@ -128,26 +128,26 @@ def test_of_equivalent_poses_fine_templates_show_those_nearest_to_the_truth(symm
     batch = batch_of(symmetric, FINE, seed=2)
     truths = batch.truth.R[:, 0].double().numpy()
     templates = batch.templates.poses.R.double().numpy()
-    told = rotation_angle(truths[:, None] @ np.swapaxes(templates, -1, -2))
+    chosen = rotation_angle(truths[:, None] @ np.swapaxes(templates, -1, -2))
     for G in symmetric.symmetries.transforms():
         other = rotation_angle(truths[:, None] @ np.swapaxes(templates @ G[:3, :3], -1, -2))
-        assert (told <= other + 1e-5).all()
+        assert (chosen <= other + 1e-5).all()
 
 
 def test_of_equivalent_poses_coarse_templates_show_those_nearest_to_the_first(symmetric: Shard) -> None:
     templates = batch_of(symmetric, COARSE, seed=2).templates.poses.R[0].double().numpy()
-    told = rotation_angle(templates[0] @ np.swapaxes(templates, -1, -2))
+    chosen = rotation_angle(templates[0] @ np.swapaxes(templates, -1, -2))
     for G in symmetric.symmetries.transforms():
-        assert (told <= rotation_angle(templates[0] @ np.swapaxes(templates @ G[:3, :3], -1, -2)) + 1e-5).all()
+        assert (chosen <= rotation_angle(templates[0] @ np.swapaxes(templates @ G[:3, :3], -1, -2)) + 1e-5).all()
 
 
 def test_a_coarse_truth_is_the_equivalent_pose_that_is_nearest_to_a_template(symmetric: Shard) -> None:
     batch = batch_of(symmetric, COARSE, seed=2)
-    told = np.radians(template_angles_deg(batch)).min(axis=1)
+    chosen = np.radians(template_angles_deg(batch)).min(axis=1)
     templates = batch.templates.poses.R[batch.sets].double().numpy()
     for G in symmetric.symmetries.transforms():
         truths = batch.truth.R[:, 0].double().numpy() @ G[:3, :3]
-        assert (told <= rotation_angle(truths[:, None] @ np.swapaxes(templates, -1, -2)).min(axis=1) + 1e-5).all()
+        assert (chosen <= rotation_angle(truths[:, None] @ np.swapaxes(templates, -1, -2)).min(axis=1) + 1e-5).all()
 
 
 def test_a_batch_follows_from_its_generator(shard: Shard) -> None:

@@ -75,7 +75,7 @@ def test_a_flipped_bit_is_found(tiny_shard: Shard, tmp_path: Path) -> None:
 def test_a_foreign_file_and_another_version_are_told_apart(tiny_shard: Shard, tmp_path: Path) -> None:
     path = tmp_path / "a.shard"
     for header, text in [
-        ({"format": "other"}, "must be a shard of training data, is something else"),
+        ({"format": "other"}, "must be a shard of training data, has another format"),
         ({"format": "simpick-shard", "version": 99}, r"of version 1, got 99: another version of simpick wrote it"),
     ]:
         with zipfile.ZipFile(path, "w") as file:

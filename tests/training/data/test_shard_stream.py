@@ -1,4 +1,4 @@
-"""Shards in order from renderer processes; a stream that stopped goes on with the same ones."""
+"""Shards in order from renderer processes; a stream that was stopped resumes with the same ones."""
 
 import os
 import signal

@@ -20,7 +20,7 @@ def batch(shard: Shard, config: RayPoseConfig, seed: int = 0) -> TrainingBatch:
 
 
 def template_angles_deg(b: TrainingBatch) -> torch.Tensor:
-    """Return how far templates are turned from their query's true pose."""
+    """Return the angles between the templates and their query's true pose."""
     return torch.rad2deg(rotation_angle(b.templates.poses.R[b.sets] @ b.truth.R.mT))
 
 
