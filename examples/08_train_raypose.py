@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from simpick.estimators.raypose import RayPoseEstimator, load_raypose
-from simpick.estimators.raypose.network.config import preset
+from simpick.estimators.raypose import PRESETS, RayPoseEstimator, load_raypose
 from simpick.training import Budget, TrainConfig, train
 
 CONFIG = TrainConfig(batch=16, validation_shards=2)
@@ -14,7 +13,7 @@ def main(
     folder: Path = Path("logs/example_train"), config: TrainConfig = CONFIG, budget: Budget = BUDGET
 ) -> RayPoseEstimator:
     """Train and return the estimator. A minute is far too little: the shipped weights took 3.8 hours."""
-    weights = train(preset("tiny"), config, budget, folder, on_row=lambda row, progress: print(f"{progress:4.0%}", row))
+    weights = train(PRESETS["tiny"], config, budget, folder, on_row=lambda row, progress: print(f"{progress:4.0%}", row))
     print(f"weights: {weights}")
     return load_raypose("fine", weights=weights)
 

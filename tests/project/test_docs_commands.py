@@ -17,7 +17,8 @@ PLACEHOLDERS = {"N": "3"}
 def commands_in(page: Path) -> list[str]:
     """Return the commands in code blocks and in inline code, without comments."""
     text = page.read_text()
-    found = [*re.findall(r"^ {4,}(simpick .+)$", text, re.MULTILINE), *re.findall(r"`(simpick [^`\n]+)`", text)]
+    found = re.findall(r"^ {4,}(?:.* -m )?(simpick(?:\.cli\.main)? .+)$", text, re.MULTILINE)
+    found += re.findall(r"`(simpick [^`\n]+)`", text)
     return [re.sub(r"\s# .*", "", command).strip() for command in found]
 
 
