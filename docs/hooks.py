@@ -1,7 +1,7 @@
 """mkdocs hook: what the documentation takes from the program itself.
 
-Lines of a page are replaced: ``[[command-line]]`` by the help text of each command, ``[[public PACKAGE]]`` by a
-mkdocstrings block per name in the package's ``__all__``, and ``[[text MODULE.FUNCTION]]`` by what the function returns.
+Lines of a page are replaced: ``[[command-line]]`` by the help text of each command, and ``[[public PACKAGE]]`` by a
+mkdocstrings block per name in the package's ``__all__``.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from unittest import mock
 
 from simpick.cli.main import COMMANDS, main
 
-_MARKER = re.compile(r"^\[\[(command-line|public|text) ?([\w.]*)\]\]$", re.MULTILINE)
+_MARKER = re.compile(r"^\[\[(command-line|public) ?([\w.]*)\]\]$", re.MULTILINE)
 
 
 def on_page_markdown(markdown: str, **_: object) -> str:
@@ -29,12 +29,6 @@ def public_names(package: str) -> str:
     names = module.__all__ if module is top else sorted(set(module.__all__) - set(top.__all__))
     objects = [getattr(module, name) for name in names]
     return "\n\n".join(f"::: {o.__module__}.{o.__qualname__}" for o in objects if hasattr(o, "__qualname__"))
-
-
-def returned_text(function: str) -> str:
-    """Return what a function without arguments returns, by its full name."""
-    module, _, name = function.rpartition(".")
-    return getattr(importlib.import_module(module), name)()
 
 
 def command_line_reference(_: str) -> str:
@@ -52,4 +46,4 @@ def help_text(command: list[str]) -> str:
     return re.sub(r"\x1b\[[0-9;]*m", "", out.read()).strip()
 
 
-_REPLACEMENTS = {"command-line": command_line_reference, "public": public_names, "text": returned_text}
+_REPLACEMENTS = {"command-line": command_line_reference, "public": public_names}

@@ -13,7 +13,8 @@ def main(
     folder: Path = Path("logs/example_train"), config: TrainConfig = CONFIG, budget: Budget = BUDGET
 ) -> RayPoseEstimator:
     """Train and return the estimator. A minute is far too little: the shipped weights took 3.8 hours."""
-    weights = train(PRESETS["tiny"], config, budget, folder, on_row=lambda row, progress: print(f"{progress:4.0%}", row))
+    network = PRESETS["tiny"]
+    weights = train(network, config, budget, folder, on_row=lambda row, progress: print(f"{progress:4.0%}", row))
     print(f"weights: {weights}")
     return load_raypose("fine", weights=weights)
 
