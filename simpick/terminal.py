@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TypeVar
 
+from rich import console as rich_console
 from rich.box import SIMPLE
-from rich.console import Console as Console
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -21,6 +21,14 @@ from rich.table import Table as Table
 _Item = TypeVar("_Item")
 
 
+class Console(rich_console.Console):
+    """The terminal, or a file in its place."""
+
+    def line(self, text: str) -> None:
+        """Print text that only the terminal wraps, so that a path can be copied."""
+        self.print(text, soft_wrap=True)
+
+
 def narrow_table(
     *columns: str, title: str | None = None, rows: Iterable[Sequence[str]] = (), labels: int = 1, padding: int = 1
 ) -> Table:
@@ -30,7 +38,7 @@ def narrow_table(
     """
     table = Table(box=SIMPLE, pad_edge=False, padding=(0, padding, 0, 0), title=title)
     for k, column in enumerate(columns):
-        table.add_column(column, justify="left" if k < labels else "right")
+        table.add_column(column, justify="left" if k < labels else "right", overflow="fold")
     for row in rows:
         table.add_row(*row)
     return table

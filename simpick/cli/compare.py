@@ -32,29 +32,28 @@ class Compare:
 
     def run(self) -> int:
         """Run what is missing, print the tables and write the report, also of a run that stops half-way."""
-        from rich.console import Console
-
         from simpick.cli.parts import describe_files
         from simpick.errors import OutputError, SimpickError
         from simpick.experiments.comparison import Comparison
         from simpick.experiments.report.html import write_report
         from simpick.experiments.report.tables import causes_table, differences_tables, modes_tables
+        from simpick.terminal import Console
 
         comparison = Comparison.open(self.config, self.out, overwrite=self.execution.overwrite)
         console = Console()
         for line in describe_files(self.config.parts):
-            console.print(line, soft_wrap=True)
+            console.line(line)
         try:
             comparison.run(self.execution, console)
         except (SimpickError, KeyboardInterrupt):
             # What stopped the run must be reported, also where the report cannot be written either.
             with suppress(OutputError):
                 if comparison.statistics().bins:
-                    console.print(f"partial report: {write_report(comparison)}", soft_wrap=True)
+                    console.line(f"partial report: {write_report(comparison)}")
             raise
         statistics = comparison.statistics()
         causes = causes_table(comparison.failures())
         for table in (*modes_tables(statistics), *differences_tables(statistics), causes):
             console.print(table)
-        console.print(f"report: {write_report(comparison)}", soft_wrap=True)
+        console.line(f"report: {write_report(comparison)}")
         return 0

@@ -40,7 +40,7 @@ class RefinerBasin(Config):
         with Refiner() as refiner:
             points = measure_basin(views, refiner, self.starts_deg, self.depth_percent / 100, self.seed)
         plot_basin(points, self.out)
-        Console().print(f"{len(points)} refinements: {self.out}", soft_wrap=True)
+        Console().line(f"{len(points)} refinements: {self.out}")
         return 0
 
 
@@ -112,5 +112,5 @@ class RefinerCalibrate(Config):
         write_confidence(confidence, provenance, self.out / "confidence.json")
         plot_reliability(held_out, confidence, self.out / "reliability.png")
         Console().print(provenance)
-        Console().print(f"written to {self.out}", soft_wrap=True)
+        Console().line(f"written to {self.out}")
         return 0

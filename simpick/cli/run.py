@@ -26,26 +26,22 @@ class Run:
 
     def run(self) -> int:
         """Run the missing episodes and print the summary."""
-        from rich.console import Console
-
         from simpick.cli.parts import describe_files
         from simpick.experiments.comparison import Comparison
         from simpick.experiments.report.tables import scores_table
+        from simpick.terminal import Console
 
         run = Comparison.open(self.config, self.out, overwrite=self.execution.overwrite)
         console = Console()
         for line in describe_files(self.config.parts):
-            console.print(line, soft_wrap=True)
+            console.line(line)
         run.run(self.execution, console)
         console.print(scores_table(self.config, run.results))
-        console.print(f"results: {self.out / 'results.jsonl'}", soft_wrap=True)
+        console.line(f"results: {self.out / 'results.jsonl'}")
         if self.execution.record:
             files = [run.recording(result) for result in run.results]
             if recorded := [file for file in files if file is not None]:
-                console.print(f"recordings: open one with: rerun {recorded[0]}", soft_wrap=True)
+                console.line(f"recordings: open one with: rerun {recorded[0]}")
             if missing := len(files) - len(recorded):
-                console.print(
-                    f"{missing} episodes were run before without --record; --overwrite runs all of them again",
-                    soft_wrap=True,
-                )
+                console.line(f"{missing} episodes were run before without --record; --overwrite runs all of them again")
         return 0

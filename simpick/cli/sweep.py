@@ -27,20 +27,19 @@ class Sweep:
 
     def run(self) -> int:
         """Run every level and draw the plot."""
-        from rich.console import Console
-
         from simpick.cli.parts import describe_files
         from simpick.experiments.comparison import Comparison
         from simpick.experiments.sweep import noise_steps, plot_steps, steps_csv, steps_table
+        from simpick.terminal import Console
 
         comparison = Comparison.open(self.config.comparison(), self.out, overwrite=self.execution.overwrite)
         console = Console()
         for line in describe_files(self.config.parts):
-            console.print(line, soft_wrap=True)
+            console.line(line)
         comparison.run(self.execution, console)
         steps = noise_steps(self.config, comparison)
         console.print(steps_table(steps))
         comparison.store.write("sweep.csv", steps_csv(steps))
         plot_steps(steps, self.out / "sweep.png")
-        console.print(f"plot: {self.out / 'sweep.png'}", soft_wrap=True)
+        console.line(f"plot: {self.out / 'sweep.png'}")
         return 0

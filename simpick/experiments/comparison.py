@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 
 from simpick.experiments.analysis.failure_causes import Failure, find_failures
 from simpick.experiments.analysis.paired import PairedStatistics, compare_modes, paired_bins
@@ -16,6 +15,7 @@ from simpick.experiments.modes import ORACLE
 from simpick.experiments.provenance import run_provenance
 from simpick.experiments.result_store import EpisodeResult, ResultStore
 from simpick.experiments.runs import run_jobs
+from simpick.terminal import Console
 
 BOOTSTRAP_SEED = 0
 

@@ -6,15 +6,13 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import as_completed
 from pathlib import Path
 
-from rich.console import Console
-
 from simpick.errors import SimpickError
 from simpick.experiments.config import Execution, RunConfig
 from simpick.experiments.episodes import run_recorded_episode
 from simpick.experiments.ray_runs import results_from_ray
 from simpick.experiments.result_store import EpisodeResult, ResultStore
 from simpick.records import PickOutcome, PickRecord
-from simpick.terminal import progress_bar
+from simpick.terminal import Console, progress_bar
 from simpick.workers import UNLIMITED, LostCallError, WorkerPool
 
 Job = tuple[RunConfig, int]

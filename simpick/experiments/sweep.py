@@ -8,13 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rich.table import Table
-
 from simpick.experiments.analysis.grasp_scores import GraspScores, score_grasps
 from simpick.experiments.comparison import Comparison
 from simpick.experiments.config import SweepConfig
 from simpick.metrics.intervals import wilson_interval
 from simpick.plotting import new_figure, save_figure
+from simpick.terminal import Table, narrow_table
 
 
 @dataclass(frozen=True)
@@ -43,7 +42,8 @@ def noise_steps(config: SweepConfig, comparison: Comparison) -> list[NoiseStep]:
 
 def steps_table(steps: Sequence[NoiseStep]) -> Table:
     """Return the sweep as a table for the terminal."""
-    table = Table("noise", "grasp success", "95 % interval", "clearance", "attempts", title="oracle with noise")
+    columns = ("noise", "grasp success", "95 % interval", "clearance", "attempts")
+    table = narrow_table(*columns, title="oracle with noise", padding=2)
     for step in steps:
         low, high = step.interval
         table.add_row(

@@ -3,7 +3,7 @@
 import io
 
 import numpy as np
-from rich.console import Console
+from simpick.terminal import Console
 
 from simpick.experiments.analysis.failure_causes import find_failures
 from simpick.experiments.analysis.paired import MEASURES, compare_modes

@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from rich.box import SIMPLE
-from rich.table import Table
-
 from simpick.experiments.analysis.failure_causes import Failure, FailureCause, count_causes
 from simpick.experiments.analysis.grasp_scores import score_grasps
 from simpick.experiments.analysis.paired import MEASURES, Measure, PairedStatistics
 from simpick.experiments.config import RunConfig
 from simpick.experiments.result_store import EpisodeResult
 from simpick.metrics.intervals import Interval
+from simpick.terminal import Table, narrow_table
 
 DIFFERENCES = ("grasp_success", "first_try", "clearance", "mpph", "rotation_deg", "translation_mm")
 """Measures whose differences are shown."""
@@ -47,9 +45,6 @@ def scores_table(config: RunConfig, results: Sequence[EpisodeResult]) -> Table:
     scores = score_grasps(results)
     # The mode's name leaves out the noise where it has both kinds.
     noise = f" ({config.noise_deg:g} deg, {config.noise_mm:g} mm)" if config.noise_deg and config.noise_mm else ""
-    table = Table(title=f"{config.mode}{noise}, {config.gripper}, {config.detections} detections")
-    table.add_column("measure")
-    table.add_column("value", justify="right")
     rows = {
         "episodes": f"{scores.episodes}",
         "attempts": f"{scores.attempts}",
@@ -65,9 +60,8 @@ def scores_table(config: RunConfig, results: Sequence[EpisodeResult]) -> Table:
         "median translation error": f"{scores.translation_mm:.2f} mm",
     }
     rows |= {f"outcome {name}": f"{n}" for name, n in scores.outcomes.items()}
-    for name, value in rows.items():
-        table.add_row(name, value)
-    return table
+    title = f"{config.mode}{noise}, {config.gripper}, {config.detections} detections"
+    return narrow_table("measure", "value", title=title, rows=rows.items())
 
 
 def modes_tables(statistics: PairedStatistics) -> list[Table]:
@@ -86,13 +80,12 @@ def differences_tables(statistics: PairedStatistics) -> list[Table]:
 
 def causes_table(failures: Mapping[str, Sequence[Failure]]) -> Table:
     """Return the causes of each mode's failures: a row per mode, a column per cause."""
-    # No padding and broken headings, so that the longest name, ``retrieval_refined@50+closer``, fits into 80 columns.
-    table = Table(box=SIMPLE, padding=0, pad_edge=False, title="failed picks in the same bins, by cause")
-    table.add_column("mode", overflow="fold")
-    for title in cause_headings():
-        table.add_column(title.replace(" ", "\n"), justify="right", no_wrap=True)
-    for mode, of_mode in failures.items():
-        table.add_row(mode, *cause_cells(of_mode))
+    columns = [title.replace(" ", "\n") for title in cause_headings()]
+    rows = [(mode, *cause_cells(of_mode)) for mode, of_mode in failures.items()]
+    # No padding, so that the longest name, ``retrieval_refined@50+closer``, fits into 80 columns.
+    table = narrow_table("mode", *columns, title="failed picks in the same bins, by cause", rows=rows, padding=0)
+    for column in table.columns[1:]:
+        column.no_wrap = True
     return table
 
 
@@ -118,10 +111,7 @@ def _tables(
     tables = []
     for first in range(0, len(measures), TABLE_MEASURES):
         shown = measures[first : first + TABLE_MEASURES]
-        table = Table(box=SIMPLE, title=title if first == 0 else None)
-        table.add_column(label, no_wrap=True)
-        for measure in shown:
-            table.add_column(heading(measure), justify="right")
+        table = narrow_table(label, *map(heading, shown), title=title if first == 0 else None, padding=2)
         for name, intervals in rows:
             cells = []
             for measure in shown:
