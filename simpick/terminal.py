@@ -7,6 +7,7 @@ from typing import TypeVar
 
 from rich import console as rich_console
 from rich.box import SIMPLE
+from rich.markdown import Markdown as Markdown
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,

@@ -31,9 +31,7 @@ class Ablate(TrainingOptions):
 
     def run(self) -> int:
         """Train and measure every variant, print and write the tables."""
-        from rich.console import Console
-        from rich.markdown import Markdown
-
+        from simpick.terminal import Console, Markdown
         from simpick.training import ablations
         from simpick.training.budget import Budget
         from simpick.training.curves import plot_scaling, read_log
@@ -50,7 +48,7 @@ class Ablate(TrainingOptions):
         results = [ablations.measure_untrained(ablation)] if is_paper else []
         for name in names:
             variant = by_name[name]
-            console.print(f"{variant.label}: {self.out / name}", soft_wrap=True)
+            console.line(f"{variant.label}: {self.out / name}")
             with TrainProgress(budget, console) as progress:
                 ablation.run(variant, progress.show)
             if is_paper:
@@ -63,5 +61,5 @@ class Ablate(TrainingOptions):
         plot = self.out / f"{self.what}.png"
         plot_scaling({by_name[name].label: read_log(self.out / name / TrainingFolder.LOG) for name in names}, plot)
         for file in [*files, plot]:
-            console.print(f"written: {file}", soft_wrap=True)
+            console.line(f"written: {file}")
         return 0

@@ -50,8 +50,7 @@ class Train(TrainingOptions):
         """Train, showing progress, and draw the curves."""
         from contextlib import nullcontext
 
-        from rich.console import Console
-
+        from simpick.terminal import Console
         from simpick.training.budget import Budget
         from simpick.training.curves import write_curves
         from simpick.training.distributed import Distributed
@@ -68,7 +67,7 @@ class Train(TrainingOptions):
         folder = self.out or Path("logs/train") / f"{self.mode}-{self.size}"
         is_first = Distributed.from_environment(self.resources.device).is_first
         console = Console(quiet=not is_first)
-        console.print(f"training {self.mode} ({self.size}) in {folder}", soft_wrap=True)
+        console.line(f"training {self.mode} ({self.size}) in {folder}")
         progress = TrainProgress(budget, console)
         try:
             with progress if is_first else nullcontext():
@@ -89,5 +88,5 @@ class Train(TrainingOptions):
         if is_first:
             log = folder / TrainingFolder.LOG
             for file in [weights, *write_curves(log, recording_id=f"training-{folder.name}")]:
-                console.print(f"written: {file}", soft_wrap=True)
+                console.line(f"written: {file}")
         return 0

@@ -3,13 +3,13 @@
 import io
 
 import numpy as np
-from simpick.terminal import Console
 
 from simpick.experiments.analysis.failure_causes import find_failures
 from simpick.experiments.analysis.paired import MEASURES, compare_modes
 from simpick.experiments.report.tables import causes_table, differences_tables, modes_tables
 from simpick.experiments.result_store import EpisodeResult
 from simpick.records import PickOutcome
+from simpick.terminal import Console
 from tests.experiments.test_result_store import make_pick
 
 MODES = ("oracle", "oracle_noise", "retrieval", "retrieval_refined", "coarse", "fine", "refined", "refined@8")

@@ -1,5 +1,6 @@
 """Imports point one way, between rooms and between files, and importing simpick stays light."""
 
+import re
 import subprocess
 import sys
 from graphlib import CycleError, TopologicalSorter
@@ -51,12 +52,20 @@ def test_a_room_imports_only_rooms_before_it(module: str) -> None:
     assert not wrong, f"{module} must not import {sorted(wrong)}: {room} comes first in ROOMS"
 
 
-@pytest.mark.xfail(strict=False, reason="library and user_parts are still to be separated")
 def test_no_two_files_import_each_other() -> None:
     try:
         TopologicalSorter({module: imported_modules(module) for module in source_files()}).prepare()
     except CycleError as error:
         pytest.fail(f"files import each other: {' <- '.join(error.args[1])}")
+
+
+def test_only_one_file_uses_rich() -> None:
+    users = {
+        module
+        for module, file in source_files().items()
+        if re.search(r"^\s*(from|import) rich\b", file.read_text(), re.M)
+    }
+    assert users == {"simpick.terminal"}
 
 
 def test_every_room_is_in_the_list() -> None:
