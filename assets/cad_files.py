@@ -20,7 +20,7 @@ _SIMPLIFY = 1e-3
 
 
 def read_cad(path: Path, *, simplify: bool = False) -> tuple[trimesh.Trimesh, list[str]]:
-    """Return the file's mesh, watertight and facing outward, and notes on what was mended.
+    """Return the file's mesh, watertight and facing outward, and notes on what was repaired.
 
     Small faults are repaired: unmerged vertices, degenerate and double faces, holes of three or four edges,
     inverted winding, bodies that overlap. `simplify` merges facets within 0.1 % of the size. Raises `MeshError`.
@@ -42,7 +42,7 @@ def read_cad(path: Path, *, simplify: bool = False) -> tuple[trimesh.Trimesh, li
     _close(mesh, path, notes)
     if mesh.volume < 0:
         mesh.invert()
-        notes.append(f"{path.name}: faces pointed inward and were turned round")
+        notes.append(f"{path.name}: faces pointed inward and were flipped")
     mesh = _united(mesh, path, notes)
     if simplify:
         before = len(mesh.faces)

@@ -18,7 +18,7 @@ _CACHE_VERSION = 1
 
 
 def convex_pieces(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, ...]:
-    """Return convex pieces whose union stands for the watertight mesh.
+    """Return convex pieces whose union approximates the watertight mesh.
 
     One hull where the mesh fills 97 % of it. Deterministic; takes seconds the first time and is cached under
     ``<cache>/convex_pieces``.
@@ -47,7 +47,7 @@ def _joined(pieces: list[trimesh.Trimesh]) -> dict[str, np.ndarray]:
 
 
 def _decompose(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
-    # Only here, because loading the library takes a while and few sessions bring new CAD.
+    # Only here, because importing the library takes a while and few runs use new CAD.
     import coacd
 
     coacd.set_log_level("off")

@@ -130,7 +130,7 @@ def round_piece(
 
 
 def round_outline(radius: float, *, facets: int = COLLISION_FACETS) -> CrossSection:
-    """Return the polygon that stands for a disc in contact."""
+    """Return the polygon that approximates a disc in contact."""
     return circle(equal_area_radius(radius, facets), facets=facets)
 
 

@@ -89,7 +89,7 @@ def clevis_pin() -> Part:
 
 
 def bushing() -> Part:
-    """Plain bearing bush, bore 20: a full revolution, and its two ends are alike."""
+    """Plain bearing bush, bore 20: a full revolution with two equal ends."""
     profile = [(10, -14), (10, -15), (14.2, -15), (15, -14.2), (15, 14.2), (14.2, 15), (10, 15)]
     pieces = s.ring_pieces(s.round_outline(15.0), 10.0, -15.0, 15.0, segments=8)
     return s.finish("bushing", s.revolve(profile), pieces, BRASS, SymmetryGroup.revolution(flip=True))

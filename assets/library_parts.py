@@ -1,4 +1,4 @@
-"""The parts that come with simpick: their builders and their names."""
+"""The parts that ship with simpick: their builders and their names."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ BUILDERS: dict[str, Callable[[], Part]] = {
 
 
 def library_part_names() -> list[str]:
-    """Return the names of the parts that come with simpick, sorted."""
+    """Return the names of the parts that ship with simpick, sorted."""
     return sorted(BUILDERS)
 
 

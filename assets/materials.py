@@ -1,4 +1,4 @@
-"""Stock: what library parts are made of, as density and look."""
+"""Materials of library parts: density and appearance."""
 
 from __future__ import annotations
 

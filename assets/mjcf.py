@@ -27,7 +27,7 @@ def add_part(
     """Add one instance of `part` at the world's origin and return its body.
 
     Meshes are shared between instances of the same part in one `spec`. `free` gives it a free joint named
-    ``<body_name>``; `collide` adds the collision pieces; `material` names a material of `spec` to wear instead of
+    ``<body_name>``; `collide` adds the collision pieces; `material` names a material of `spec` to use instead of
     the part's own. The visual geom is named ``<body_name>/visual`` and lies in `VISUAL_GROUP`.
     """
     body = spec.worldbody.add_body(name=body_name)

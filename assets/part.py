@@ -1,4 +1,4 @@
-"""`Part`: all that simpick knows about one kind of object."""
+"""`Part`: shape, mass, symmetry and appearance of one kind of object."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from simpick.geometry.symmetry import SymmetryGroup
 
 @dataclass(frozen=True)
 class Material:
-    """How a part looks: MuJoCo's material terms."""
+    """Appearance of a part, in MuJoCo's material terms."""
 
     rgb: tuple[float, float, float] = (0.6, 0.6, 0.62)
     specular: float = 0.5
@@ -33,7 +33,7 @@ class Part:
     mesh: trimesh.Trimesh
     """Visual mesh in metres, watertight, in the part frame."""
     collision: tuple[trimesh.Trimesh, ...]
-    """Convex pieces in the part frame that together stand for the mesh in contact."""
+    """Convex pieces in the part frame that approximate the mesh in contact."""
     symmetries: SymmetryGroup = field(default_factory=SymmetryGroup)
     density_kg_m3: float = 1200.0
     material: Material = Material()

@@ -36,7 +36,7 @@ _IRRATIONAL_RAD = (0.3712, 1.0193, 1.7711, 2.6537)
 def detect_symmetries(mesh: trimesh.Trimesh, tolerance_m: float | None = None) -> SymmetryGroup:
     """Return the rotations that map a watertight mesh onto itself within `tolerance_m` (default: 0.6 % of its size).
 
-    A sphere has more symmetries than any list: it comes back as all turns about z times 161 tilts, so that some
+    A sphere has more symmetries than any list: it is returned as all rotations about z times 161 tilts, so that some
     element lies within 11 degrees of any rotation (6 on average).
     """
     return _Detector(mesh, tolerance_m).detect()

@@ -1,4 +1,4 @@
-"""Which unit a CAD file is in: files rarely say, so size decides, and the choice is explained."""
+"""Which unit a CAD file is in: files rarely state it, so the size decides, and the choice is explained."""
 
 from __future__ import annotations
 

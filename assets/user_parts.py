@@ -55,7 +55,7 @@ class CadImport:
     unit: str
     metres_per_unit: float
     notes: tuple[str, ...]
-    """Sentences for a person: the choice of unit, what was mended, the symmetry that was found."""
+    """Sentences: the choice of unit, what was repaired, the symmetry that was found."""
 
 
 def load_cad(
@@ -197,9 +197,9 @@ def remove_user_part(name: str) -> Path:
     folder = user_parts_dir() / name
     try:
         # Out of sight in one step, so that no other process reads half a part.
-        doomed = Path(tempfile.mkdtemp(prefix=f".{name}-", dir=user_parts_dir()))
-        folder.replace(doomed)
-        shutil.rmtree(doomed)
+        removed = Path(tempfile.mkdtemp(prefix=f".{name}-", dir=user_parts_dir()))
+        folder.replace(removed)
+        shutil.rmtree(removed)
     except OSError as error:
         raise OutputError(
             f"cannot remove {name!r} from {user_parts_dir()}: {error.strerror}. Make the folder writable, or delete "

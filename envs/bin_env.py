@@ -1,4 +1,4 @@
-"""`BinEnv`: the scene's life, cameras, rendering and truth, which both environments share."""
+"""`BinEnv`: scene, cameras, rendering and truth, which both environments share."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def part_pool(parts: Sequence[str]) -> tuple[str, ...]:
 
 
 class BinEnv(gymnasium.Env):
-    """A bin, an arm and cameras; what a step does, and what is observed, is the subclass's."""
+    """A bin, an arm and cameras; subclasses define steps and observations."""
 
     metadata = {"render_modes": list(RENDER_MODES), "render_fps": 25}  # noqa: RUF012
 
@@ -82,7 +82,7 @@ class BinEnv(gymnasium.Env):
         return [instance.part.name for instance in self.scene.instances]
 
     def capture(self, camera: str = "overhead") -> CameraFrame:
-        """Return what a camera of the scene sees now."""
+        """Return the image of a camera of the scene."""
         self.scene  # noqa: B018 - raises before the first reset
         assert self._renderer is not None
         return self._renderer.capture(camera)
@@ -112,7 +112,7 @@ class BinEnv(gymnasium.Env):
         if scene_file is not None:
             self._scene = Scene.load(Path(scene_file))
         else:
-            # An explicit seed names the bin; without one the environment's own generator goes on to the next.
+            # An explicit seed names the bin; without one the environment's own generator draws the next.
             scene_seed = seed if seed is not None else int(self.np_random.integers(2**31))
             self._scene = build_scene(self.scene_config, scene_seed)
         self._renderer = SceneRenderer(self._scene)
@@ -126,7 +126,7 @@ class BinEnv(gymnasium.Env):
         self._renderer = self._scene = None
 
     def _tick(self, scene: Scene) -> None:
-        """Look at the scene after a control period: for recording and for films."""
+        """Record the scene after a control period, and film it where `render_mode` asks for it."""
         if self.on_tick is not None:
             self.on_tick(scene)
         if self.render_mode == "rgb_array_list" and scene.time_s >= self._next_frame_s:

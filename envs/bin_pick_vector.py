@@ -1,4 +1,4 @@
-"""`BinPickVectorEnv`: several bins side by side, simulated in processes of their own, seen by one perception."""
+"""`BinPickVectorEnv`: several bins, each simulated in its own process, with one perception for all."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ class BinPickVectorEnv(AsyncVectorEnv):
 
     Observations come back through shared memory, so that the calling process can run perception once for all of them
     (`simpick.policies.PoseVectorObservation`, `simpick.policies.VectorPickPolicy`). Spaces, rewards and endings are
-    those of `BinPickEnv`, one row an environment; ``infos`` are gymnasium's dictionaries of arrays.
+    those of `BinPickEnv`, one row per environment; ``infos`` are gymnasium's dictionaries of arrays.
 
     Seeds: ``reset(seed=s)`` gives environment k the bin ``s + k``, a list gives each its own. Ended environments are
-    reset as `autoreset_mode` says, by default in the following step, whose action is ignored
+    reset by `autoreset_mode`, by default in the following step, whose action is ignored
     (`gymnasium.vector.AutoresetMode`); ``options={"reset_mask": mask}`` resets some of them at once.
 
     Workers are spawned, because OpenGL does not survive a fork: scripts need ``if __name__ == "__main__":``.
@@ -71,7 +71,7 @@ class BinPickVectorEnv(AsyncVectorEnv):
             )
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the settings: what comes back has workers of its own."""
+        """Pickle the settings: the copy has its own workers."""
         modes = {"autoreset_mode": self.autoreset_mode, "max_concurrency": self.max_concurrency}
         return partial(type(self), self.num_envs, **modes, **self._settings), ()
 
@@ -152,8 +152,8 @@ class BinPickVectorEnv(AsyncVectorEnv):
     def _raise_if_errors(self, successes: Iterable[bool]) -> None:
         """Raise the first worker's error as it was.
 
-        gymnasium would call the error's class with its text, which not every class takes, and go on with the workers
-        that are left, whose next call then fails for want of the others.
+        gymnasium would call the error's class with its text, which not every class takes, and continue with the
+        remaining workers, whose next call then fails for lack of the others.
         """
         if all(successes):
             return
@@ -163,7 +163,7 @@ class BinPickVectorEnv(AsyncVectorEnv):
 
     @contextmanager
     def _explaining_deaths(self, hint: str = "") -> Iterator[None]:
-        """Turn the broken pipe that a dead worker leaves into an error that says which one, and close the others."""
+        """Turn the broken pipe that a dead worker leaves into an error that names it, and close the others."""
         try:
             yield
         except (EOFError, ConnectionError) as error:

@@ -26,7 +26,7 @@ SERVO_WORKSPACE = Box((0.14, -0.60, 0.0), (0.72, 0.28, 0.50))
 JOINTS = 6
 """Of the arm."""
 MAX_JOINT_RAD = 6.5
-"""Bound of observed joint positions: the arm's range of two pi, and a little for the give of its stops."""
+"""Bound of observed joint positions: the arm's range of two pi, plus a margin for the compliance of its stops."""
 MAX_JOINT_SPEED_RAD_S = 10.0
 """Bound of observed joint speeds, three times the arm's limit."""
 
@@ -102,8 +102,7 @@ def servo_observation_table(config: SceneConfig, images: Sequence[str]) -> tuple
         for name in images
     ]
     sensor = get_gripper(config.gripper).sensor
-    binary = sensor.upper is None
-    reading = spaces.MultiBinary(1) if binary else spaces.Box(0.0, sensor.upper, (1,), np.float32)
+    reading = spaces.MultiBinary(1) if sensor.upper is None else spaces.Box(0.0, sensor.upper, (1,), np.float32)
     return (
         *seen,
         ObservationItem(

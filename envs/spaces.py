@@ -13,7 +13,7 @@ from simpick.records import PickOutcome
 from simpick.scene.config import MAX_PARTS
 
 OUTCOMES: tuple[PickOutcome, ...] = tuple(PickOutcome)
-"""The order in which outcomes are numbered in observations, from 1; 0 stands for "no pick yet"."""
+"""The order in which outcomes are numbered in observations, from 1; 0 means that there was no pick yet."""
 
 FAR_M = 10.0
 """Depth beyond which a camera reports no reading; no camera stands farther from the arm's base."""
@@ -39,9 +39,9 @@ class ActionItem:
     """Their numbers, such as 0-2."""
     meaning: str
     low: str
-    """What -1 stands for."""
+    """Meaning of -1."""
     high: str
-    """What 1 stands for."""
+    """Meaning of 1."""
     unit: str
 
 

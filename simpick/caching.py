@@ -1,4 +1,4 @@
-"""The cache folder, files of arrays, and writes that no other process sees half done."""
+"""The cache folder, files of arrays, and writes that other processes see whole or not at all."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ class Detection:
 
 @dataclass(frozen=True, eq=False)
 class PoseHypothesis:
-    """One candidate pose; a higher score is surer."""
+    """One candidate pose; a higher score is more certain."""
 
     T_camera_part: Float[np.ndarray, "4 4"]
     score: float
@@ -98,7 +98,7 @@ class PickOutcome(StrEnum):
     EJECTED = "ejected"
     """A part left the bin without being carried: pushed out, knocked into the chute, or stuck to the gripper."""
     SIMULATION_FAULT = "simulation_fault"
-    """The physics blew up (NaN, divergence); the pick says nothing about perception."""
+    """The physics diverged (NaN); the pick is no evidence about perception."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +130,7 @@ class PickResult:
 
     outcome: PickOutcome
     cause: str
-    """Why, in words: the stage and what was noticed there."""
+    """Description of the cause: the stage and what was noticed there."""
     stages: tuple[str, ...] = ()
     """Stages begun, in order."""
     motion_s: float = 0.0
@@ -138,7 +138,7 @@ class PickResult:
     peak_force_n: float = 0.0
     """Largest contact force on one of the gripper's contact geoms, such as a jaw's pad."""
     delivered: tuple[int, ...] = ()
-    """Instances that came to lie in the chute; they have been removed from the scene."""
+    """Instances that reached the chute; they have been removed from the scene."""
     ejected: tuple[int, ...] = ()
     """Instances that left the bin and did not reach the chute."""
     gripped: tuple[int, ...] = ()

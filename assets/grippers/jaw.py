@@ -1,8 +1,8 @@
 """A two-finger parallel jaw: 85 mm stroke, 50 N, long slim fingers that reach to the floor of a 120 mm bin.
 
 Both fingers slide on the palm and are coupled; one force-limited position servo acts on their common tendon, whose
-length is the opening. The slides are damped like a worm gear's, so the jaw closes at a bounded speed whatever the
-servo's error. The pads are rubber: friction 1.1, and torsional friction that stands for their finite patch.
+length is the opening. The slides are damped like a worm gear's, so the jaw closes at a bounded speed for any
+servo error. The pads are rubber: friction 1.1, and torsional friction that models their finite patch.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ JAW_FORCE_N = 50.0
 _SERVO_STIFFNESS_N_PER_M = 20_000.0
 _SERVO_DAMPING_NS_PER_M = 40.0
 _SLIDE_DAMPING_NS_PER_M = 400.0
-# The gear's rotor, felt at the finger. It must outweigh timestep x damping: MuJoCo solves contacts with the bare
+# The gear's rotor, seen at the finger. It must outweigh timestep x damping: MuJoCo solves contacts with the bare
 # inertia but integrates with inertia plus timestep x damping, and stiff pads chatter where the two differ much.
 _SLIDE_ARMATURE_KG = 2.0
 _FINGER_MASS_KG = 0.09
@@ -97,7 +97,7 @@ class JawGripper:
 
     def grip(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Command the jaw to close with its full force."""
-        # Past closed by more than the servo needs to saturate, so that thin parts feel the full force too.
+        # Past closed by more than the servo needs to saturate, so that thin parts get the full force too.
         data.ctrl[model.actuator(_OPENING).id] = -1.5 * JAW_FORCE_N / _SERVO_STIFFNESS_N_PER_M
 
     def maintain(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -118,7 +118,8 @@ class JawGripper:
     def held_bodies(self, model: mujoco.MjModel, data: mujoco.MjData) -> tuple[int, ...]:
         """Return the movable bodies between the pads, in rising order.
 
-        A body that presses on both pads is held; or else, where several lie in a row, those that press on either.
+        A body that presses on both pads is held. Where there is none, but each pad has a body, those in the row
+        between them are.
         """
         left, right = (self._pressing(model, data, name) for name in self.contact_geoms)
         return tuple(sorted((left & right) or (left | right if left and right else ())))
@@ -233,7 +234,7 @@ def _add_finger(base: mujoco.MjsBody, side: str, sign: float) -> None:
         [0.09, 0.09, 0.1, 1.0],
         _FINGER_MASS_KG * 0.05,
     )
-    # Priority makes the rubber's friction rule whatever the part's is. The torsional coefficient is the mean
+    # Priority makes the rubber's friction apply for any part. The torsional coefficient is the mean
     # radius of the patch (about 7 mm) times the friction; without it a part swings about its contact points.
     pad.priority = 1
     pad.condim = 4

@@ -53,7 +53,7 @@ _COM_FAR_M = (
     (0.0, 0.0018, 0.01634),
     (0.0, 0.0, -0.001159),
 )
-# Length and radius of the solid cylinder whose inertia stands for each link, and the body axis it lies along.
+# Length and radius of the solid cylinder whose inertia each link has, and the body axis it lies along.
 _INERTIA_CYLINDER = (
     (0.18, 0.06, "z"),
     (0.54, 0.06, "x"),

@@ -1,1 +1,1 @@
-"""Weights that come with simpick, one model card beside each."""
+"""Weights that ship with simpick, each with a model card."""

@@ -1,4 +1,4 @@
-"""How much of each part lies open to a gripper from above."""
+"""Share of each part that is exposed to a gripper from above."""
 
 from __future__ import annotations
 

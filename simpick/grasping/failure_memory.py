@@ -1,4 +1,4 @@
-"""What was tried in a bin and failed, so that it is not tried again while nothing has changed."""
+"""Failed attempts in a bin, which are not repeated while nothing has changed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from simpick.geometry.transforms import transform_points
 
 _SAME_PLACE_M = (0.006, 0.015)
 _SAME_PLACE_SHARE = 0.3
-"""Two looks at one part differ by less than this share of its diameter, within the bounds above."""
+"""Two estimates of one part differ by less than this share of its diameter, within the bounds above."""
 _SAME_GRASP_M = 0.015
 _TARGET_FACTOR = 0.02
 _REPEAT_FACTOR = 0.002
@@ -24,8 +24,8 @@ class FailureMemory:
     """Failed attempts of one episode.
 
     An attempt no longer counts once its part has moved: the same grasp may work on another pose. Parts are
-    recognised by name and by the place of their centroid, since instances of one part cannot be told apart, and
-    neither a symmetric nor a mistaken flip from one look to the next moves the centroid far. Grasps are compared in
+    recognised by name and by the place of their centroid, since instances of one part cannot be distinguished, and
+    neither a symmetric nor a mistaken flip from one image to the next moves the centroid far. Grasps are compared in
     the world for the same reason.
     """
 
@@ -47,7 +47,7 @@ class FailureMemory:
     def factors(
         self, part: Part, T_world_part: Float[np.ndarray, "4 4"], Ts_world_tcp: Float[np.ndarray, "n 4 4"]
     ) -> Float[np.ndarray, "n"]:
-        """Return in (0, 1] how much each grasp of this part is worth still.
+        """Return in (0, 1] the remaining worth of each grasp of this part.
 
         Every failure on a part leaves its grasps a fiftieth, so that any other part with a free grasp comes first,
         and grasps like the failed one a tenth of that.

@@ -1,4 +1,4 @@
-"""From estimated poses to an ordered list of grasps in the world: what can be gripped, and what best."""
+"""From estimated poses to an ordered list of grasps in the world: feasible grasps, best first."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class PlannerConfig(Config):
     side_clearances_m: Annotated[tuple[NonNegativeFloat, ...], MinLen(1)] = (0.006, 0.003)
     """Free space between each open finger and the target; a later entry only where an earlier one does not fit."""
     most_points_touched: int = 12
-    """Where parts lie entangled, the gripper may brush others: at most so many of the 700 points drawn on each part
+    """Where parts lie entangled, the gripper may brush others: at most this many of the 700 points drawn on each part
     may lie in its way. Parts yield; a solid hit would cover far more."""
     touching_factor: float = 0.05
     """Worth of a grasp that brushes other parts, against a free one, divided again by 1 + the points touched: it is
@@ -104,7 +104,7 @@ class GraspPlanner:
         """Return the grasps that can be carried out, best first; an empty list if there are none.
 
         `parts[k]` is estimated at `Ts_world_part[k]`, with a confidence `scores[k]` in [0, 1] if given. Every part is
-        an obstacle to the others. Reach is not looked at.
+        an obstacle to the others. Reach is not checked.
         """
         for part in parts:
             self.prepare(part)
@@ -212,7 +212,7 @@ class GraspPlanner:
         config = self.config
         boxes = self.gripper.boxes(opening_m)
         points = (obstacles - T_world_tcp[:3, 3]) @ T_world_tcp[:3, :3]
-        # A quick look first: most points lie below the fingertips or far to the side.
+        # A quick test first: most points lie below the fingertips or far to the side.
         lowest, widest = boxes[..., 2].max() + config.part_clearance_m, np.abs(boxes[..., :2]).max()
         beside = np.abs(points[:, :2]).max(axis=1) < widest + config.part_clearance_m
         points = points[(points[:, 2] < lowest) & beside]

@@ -1,4 +1,4 @@
-"""Where verified grasps are kept: shipped with the package for library parts, cached on disk for all others."""
+"""Storage of verified grasps: shipped with the package for library parts, cached on disk for all others."""
 
 from __future__ import annotations
 

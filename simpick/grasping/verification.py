@@ -1,9 +1,9 @@
-"""Verification: every grasp is tried once in a small simulation before anything relies on it.
+"""Verification: every grasp is tested in a small simulation before it is used.
 
 The gripper is fixed in space with its approach pointing down and grips the floating part; then it is lifted, shaken
 and tilted. It stands still while gravity moves: by d'Alembert's principle a part in an accelerating or tilting hand
-feels exactly this, and a hand that does not move needs no controller. Solver and time step are the scene's, and so
-are the contacts that hold, for pads and cells have priority over whatever a part's own settings are.
+experiences exactly this, and a hand that does not move needs no controller. Solver and time step are the scene's, and
+so are the contacts that hold, because pads and cells have priority over a part's own settings.
 """
 
 from __future__ import annotations

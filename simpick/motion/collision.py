@@ -40,7 +40,7 @@ class CellCollision:
         self._gripper.reset(self.model, self._data, opening_m)
 
     def contact(self, q: Float[np.ndarray, "joints"]) -> str | None:
-        """Return which two things overlap the deepest at joint angles `q`, in words, or None if nothing does."""
+        """Return a description of the deepest overlap at joint angles `q`, or None if there is none."""
         self._data.qpos[self._adr] = q
         mujoco.mj_kinematics(self.model, self._data)
         mujoco.mj_collision(self.model, self._data)
@@ -55,7 +55,7 @@ class CellCollision:
         return f"{first} would run {-1000 * contact.dist[deepest]:.0f} mm into {second}"
 
     def path_contact(self, qs: Float[np.ndarray, "points joints"]) -> str | None:
-        """Return the first overlap along straight joint-space lines through `qs`, in words, or None."""
+        """Return a description of the first overlap along straight joint-space lines through `qs`, or None."""
         for q_start, q_end in itertools.pairwise(qs):
             steps = max(1, int(np.ceil(np.abs(q_end - q_start).max() / _STEP_RAD)))
             for k in range(steps):
@@ -66,7 +66,7 @@ class CellCollision:
 
 
 def describe_geom(model: mujoco.MjModel, geom: int) -> str:
-    """Return a geom in words that a person recognises: its body, or its own name where that says more."""
+    """Return a readable name of a geom: its body, or its own name where that is more specific."""
     body = model.body(model.geom_bodyid[geom]).name
     name = model.geom(geom).name
     return name if body in ("bin", "chute", "world") and name else body

@@ -16,13 +16,13 @@ class MotionConfig(Config):
     """Speeds, distances and thresholds of a pick. The defaults give a cycle of four to six seconds."""
 
     joint_speed_rad_s: Annotated[float, Interval(gt=0, le=np.pi)] = np.deg2rad(160.0)
-    """Limit of every joint's speed; the arm itself allows 180 degrees a second."""
+    """Limit of every joint's speed; the arm itself allows 180 degrees per second."""
     joint_acceleration_rad_s2: PositiveFloat = 9.0
     """Limit of every joint's acceleration."""
     tcp_speed_m_s: PositiveFloat = 0.5
     """Limit of the TCP's speed on straight lines."""
     control_period_s: PositiveFloat = 0.01
-    """Time between two commands to the servos, each followed by a look at contacts."""
+    """Time between two commands to the servos, each followed by a reading of contacts."""
     approach_m: PositiveFloat = 0.08
     """Length of the last part of the approach, along the tool's axis."""
     hover_height_m: PositiveFloat = 0.24
@@ -40,9 +40,9 @@ class MotionConfig(Config):
     stall_rad: PositiveFloat = 0.04
     """A joint that lags its command by more than this is stalled."""
     look_limit_m: PositiveFloat = 0.04
-    """A second look may move the grasp by this much at most, else the first stands."""
+    """Largest translation of a grasp by a closer look; beyond it, the first grasp is kept."""
     look_limit_rad: PositiveFloat = np.deg2rad(40.0)
-    """A second look may turn the grasp by this much at most, else the first stands."""
+    """Largest rotation of a grasp by a closer look; beyond it, the first grasp is kept."""
     search_m: PositiveFloat = 0.008
     """How far beyond the commanded pose a gripper that is pressed on searches for the surface."""
     settle_s: PositiveFloat = 1.5

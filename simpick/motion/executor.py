@@ -1,7 +1,7 @@
 """`PickExecutor`: carries out one pick in the simulator and reports what happened, and why.
 
-Home, over the bin, down, grip, lift, over the chute, release, home. The arm sees nothing: it goes where it is told,
-feels forces and lags, and stops where it is blocked. What became of the parts is read from the simulation afterwards.
+Home, over the bin, down, grip, lift, over the chute, release, home. The arm is blind: it moves where it is commanded,
+senses forces and lags, and stops where it is blocked. The parts' fate is read from the simulation afterwards.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _SEATED_TICKS = 3
 
 
 class PickExecutor:
-    """Picks in one scene, again and again; the arm starts and ends every pick at home."""
+    """Picks repeatedly in one scene; the arm starts and ends every pick at home."""
 
     def __init__(
         self,
@@ -193,7 +193,7 @@ class PickExecutor:
         self._dwell(_REST_S)
 
     def _return_empty(self, opening_m: float) -> None:
-        """Let go of whatever may be between the fingers, go straight up, and home."""
+        """Release anything between the fingers, move straight up, and home."""
         self._stage("retract")
         self._gripper.release(self.scene.model, self.scene.data, opening_m)
         lift = self.planner.lift(self._q, height_m=self.config.hover_height_m)
@@ -258,7 +258,7 @@ class PickExecutor:
     def _run(self, trajectory: Trajectory, carrying: bool = False, watch: bool = True) -> Obstruction | None:
         """Follow a trajectory to its end, or until something is in the way: then stop and return what it is.
 
-        While `carrying`, a lost part is noted with its place; the motion goes on.
+        While `carrying`, a lost part is noted with its place; the motion continues.
         """
         t = 0.0
         while t < trajectory.duration_s:
@@ -287,7 +287,7 @@ class PickExecutor:
             self._tick(self._q, np.zeros_like(self._q))
 
     def _tick(self, q: np.ndarray, qd: np.ndarray) -> None:
-        """Command the servos, simulate one control period, and look."""
+        """Command the servos, simulate one control period, and read the contacts."""
         scene = self.scene
         self._q = q
         scene.data.ctrl[self._actuators] = self._servo_command(q, qd)

@@ -25,7 +25,7 @@ class Kinematics:
     """Forward and inverse kinematics of the TCP, on a model of the arm alone.
 
     A model without parts, gripper joints and bin keeps each of mink's iterations at a fraction of a millisecond,
-    whatever the scene holds.
+    for any scene.
     """
 
     def __init__(self, robot: Robot, T_flange_tcp: Float[np.ndarray, "4 4"]) -> None:

@@ -1,4 +1,4 @@
-"""What the arm can feel during a pick: forces on gripper and arm, lag of the joints, and what the gripper holds."""
+"""What the arm can sense during a pick: forces on gripper and arm, lag of the joints, and what the gripper holds."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Obstruction:
     """Something stands in the arm's way."""
 
     cause: str
-    """What it is, in words."""
+    """Description of the obstruction."""
 
 
 class Monitor:

@@ -1,4 +1,4 @@
-"""From a grasp pose to the arm's way there: which equivalent orientation, which arm posture, which path."""
+"""Plans from a grasp pose to the arm's motion: equivalent orientation, arm posture and path."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class NoPlan:
 
 
 class PickPlanner:
-    """Plans in one cell: robot, gripper, bin and chute; parts are not known to it."""
+    """Plans in one cell: robot, gripper, bin and chute; without its parts."""
 
     def __init__(self, config: SceneConfig, motion: MotionConfig) -> None:
         if config.robot is None:
@@ -81,7 +81,7 @@ class PickPlanner:
             if isinstance(plan, PickPlan):
                 return plan
             causes.append(plan.cause)
-        # All branches fail for the same reason or the first, most natural one tells it best.
+        # All branches fail for the same reason, or the first, most natural one gives the most useful cause.
         return NoPlan(causes[0])
 
     def _plan_branch(

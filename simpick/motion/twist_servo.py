@@ -57,14 +57,14 @@ class TwistServo:
     """Follows a commanded TCP velocity with one quadratic program (mink) a control period.
 
     The commanded pose is integrated exactly and the joints follow it, so that errors of linearisation do not add up:
-    a translation keeps orientation and line. What joints and speed limits do not allow is given up, not made up for
-    later.
+    a translation keeps orientation and line. Motion that joint and speed limits do not allow is dropped, not
+    caught up later.
     """
 
     def __init__(
         self, kinematics: Kinematics, q_start: Float[np.ndarray, "joints"], speed_limit_rad_s: float, workspace: Box
     ) -> None:
-        """Start at rest at `q_start`. No joint is told to move faster than the limit; the TCP stays in `workspace`."""
+        """Start at rest at `q_start`. No joint is commanded beyond the speed limit; the TCP stays in `workspace`."""
         self._kinematics = kinematics
         self._workspace = workspace
         self._task = mink.FrameTask(kinematics.tcp_site, "site", position_cost=1.0, orientation_cost=1.0)

@@ -1,4 +1,4 @@
-"""From what was noticed during a pick, and where the parts ended, to its outcome and the cause in words."""
+"""Outcome and cause of a pick, from what was noticed during it and where the parts ended."""
 
 from __future__ import annotations
 

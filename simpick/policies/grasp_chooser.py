@@ -15,11 +15,11 @@ from simpick.scene import SceneConfig
 from simpick.scene.workspace import tcp_workspace
 
 MAX_REACH_CHECKS = 40
-"""The arm is asked for its way to so many of the best grasps before none is chosen."""
+"""Reach is checked for this many of the best grasps before none is chosen."""
 
 
 class GraspChooser:
-    """Plans grasps and asks the arm for its way there. Keeps nothing between bins, so policies may share one."""
+    """Plans grasps and checks that the arm reaches them. Keeps no state between bins, so policies may share one."""
 
     def __init__(self, parts: Sequence[Part], config: SceneConfig) -> None:
         """Prepare the grasps of `parts`; verifying those of a part that is new to the cache takes seconds."""

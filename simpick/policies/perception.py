@@ -1,4 +1,4 @@
-"""Perception: a detector and a pose estimator, and what they saw in one frame."""
+"""Perception: a detector and a pose estimator, and their result for one frame."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from simpick.records import CameraFrame, Detection, PoseEstimate
 
 @dataclass(frozen=True, eq=False)
 class Percept:
-    """What perception made of one frame."""
+    """Detections and estimates of one frame."""
 
     detections: tuple[Detection, ...]
     estimates: tuple[PoseEstimate, ...]
@@ -42,7 +42,7 @@ class Perception:
 def perceive_together(
     perceptions: Sequence[Perception], frames: Sequence[CameraFrame], parts: Sequence[Part]
 ) -> list[Percept]:
-    """Return what each perception makes of its own frame; those that share an estimator ask it once, for all.
+    """Return each perception's result for its own frame; those that share an estimator run it once, for all.
 
     Each bin has a perception of its own, for detectors and oracles know their bin; estimators that work from images
     alone are shared. The time of a batch is split evenly among its frames.

@@ -1,4 +1,4 @@
-"""`PickPolicy`: look, choose the best grasp of the best part, remember what failed."""
+"""`PickPolicy`: perceive, choose the best grasp of the best part, remember failures."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Decision:
 class PickPolicy:
     """Looks, estimates poses, chooses the best grasp that the arm can reach, and remembers what failed.
 
-    The same object plays many episodes; call `reset` between them. `decision` tells what the last `act` was based on.
+    The same object plays many episodes; call `reset` between them. `decision` holds what the last `act` was based on.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class PickPolicy:
         self._decision: Decision | None = None
         self.closer_view: PoseEstimate | None = None
         self._T_world_closer: Float[np.ndarray, "4 4"] | None = None
-        """What the last `look` saw, in the wrist camera; None if it found nothing."""
+        """Estimate of the last `look`, in the wrist camera; None if it found nothing."""
         perception.onboard(parts)
 
     @property
@@ -120,7 +120,7 @@ class PickPolicy:
     def look(self, frame: CameraFrame, T_world_tcp: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "4 4"] | None:
         """Return the TCP pose of the last decision corrected by an image from the wrist; None if nothing is found.
 
-        `closer_view` tells what was seen.
+        `closer_view` holds the estimate.
 
         Raises:
             ConfigError: the policy was made without a refiner to look closer.

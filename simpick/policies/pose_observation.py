@@ -19,7 +19,7 @@ from simpick.policies.perception import Percept, Perception
 from simpick.scene.config import MAX_PARTS
 
 MAX_SCORE = 1e6
-"""Scores are cut off at plus and minus this, for a space needs bounds; no shipped estimator comes near."""
+"""Scores are cut off at plus and minus this, for a space needs bounds; no shipped estimator comes close."""
 
 POSE_TABLE: tuple[ObservationItem, ...] = (
     ObservationItem(
@@ -36,7 +36,7 @@ POSE_TABLE: tuple[ObservationItem, ...] = (
     ),
     ObservationItem(
         "estimate_scores",
-        "the estimator's score of each estimate, higher is surer; zeros pad",
+        "the estimator's score of each estimate, a higher score is more certain; zeros pad",
         "",
         spaces.Box(-MAX_SCORE, MAX_SCORE, (MAX_PARTS,), np.float32),
     ),
@@ -50,8 +50,8 @@ NEEDED = ("rgb", "depth", "segmentation", "camera_matrix", "T_world_camera")
 class PoseObservation(gymnasium.ObservationWrapper):
     """Runs perception on every observation of `simpick/BinPick-v0` and adds the poses that it estimates.
 
-    Estimates stand in the order of perception's answer, the detector's surest first; at most `MAX_PARTS` are kept.
-    Everything that the environment observes stays in place; `POSE_TABLE` lists what comes on top.
+    Estimates are in perception's order, the detector's most certain first; at most `MAX_PARTS` are kept. The
+    environment's own observations are unchanged; `POSE_TABLE` lists what is added.
     """
 
     def __init__(self, env: gymnasium.Env, perception: Perception) -> None:

@@ -70,7 +70,7 @@ class PoseVectorObservation(VectorObservationWrapper):
 
 
 class VectorPickPolicy:
-    """A `PickPolicy` for each of several bins, which look at all of them in one batch.
+    """A `PickPolicy` for each of several bins, which perceive all of them in one batch.
 
     Each remembers the failures of its own bin. An environment's first observation (no outcome yet) begins a new
     episode, so that environments that reset themselves need no call of `reset`.

@@ -1,6 +1,6 @@
 """The `Recorder` protocol, and `NullRecorder` for runs that record nothing. Neither needs rerun.
 
-An episode is told as a sequence of events::
+An episode is a sequence of events::
 
     with recorder:
         recorder.start_episode(episode_id=..., config=..., model=..., data=..., parts=...)
@@ -46,7 +46,7 @@ class Recorder(Protocol):
         data: mujoco.MjData,
         parts: Sequence[Part],
     ) -> None:
-        """Begin: `config` tells how to repeat the episode, `parts` are the kinds that estimates may name."""
+        """Begin: `config` is what repeats the episode, `parts` are the kinds that estimates may name."""
         ...
 
     def tick(self, data: mujoco.MjData) -> None:
@@ -74,7 +74,7 @@ class Recorder(Protocol):
         ...
 
     def stage(self, name: str, text: str = "") -> None:
-        """Note that the robot entered a stage (``approach``, ``lift``, ...); `text` adds what a person should know."""
+        """Note that the robot entered a stage (``approach``, ``lift``, ...); `text` adds a note for the viewer."""
         ...
 
     def scalar(self, name: str, value: float) -> None:

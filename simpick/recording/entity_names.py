@@ -1,4 +1,4 @@
-"""Names for the entity tree: each MuJoCo name becomes one path part, whatever characters it holds."""
+"""Names for the entity tree: each MuJoCo name becomes one path part, with any characters."""
 
 from __future__ import annotations
 

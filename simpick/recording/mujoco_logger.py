@@ -57,7 +57,7 @@ class MujocoLogger:
         self.buffer = ColumnBuffer(stream, [*bodies, *self.camera_paths.values()])
         """Rows that `flush` will send; scalars of other entities may join them."""
         mobile = _mobile_bodies(model)
-        # Cameras may be aimed anew by their mode or by a caller, so none of them is taken for static.
+        # Cameras may be moved by their mode or by a caller, so none of them is taken for static.
         self._mobile = np.concatenate([mobile, np.ones(model.ncam, bool)])
         self.moving_cameras: frozenset[str] = frozenset(
             name for name, body in zip(names, model.cam_bodyid, strict=True) if mobile[body]

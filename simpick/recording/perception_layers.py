@@ -24,7 +24,7 @@ _GOLDEN_ANGLE = 0.381966
 _OVERLAY_OPACITY = 0.45
 _GHOST_ALPHA = 90
 _MOST_LABELS = 4
-"""More boxes show their labels only under the pointer, lest they hide the image."""
+"""More boxes show their labels only under the pointer, so that they do not hide the image."""
 _TCP_AXES_M = 0.06
 _EDGE_ANGLE_RAD = np.radians(35)
 _EDGE_WIDTH = 0.4
@@ -124,7 +124,7 @@ class PerceptionLayers:
         """Show the estimated parts as translucent meshes and edges, in the place of those of the same mode before.
 
         No estimates at all clear those of every mode.
-        Viewers draw the edges over the camera's image too, where they tell how well an estimate fits.
+        Viewers draw the edges over the camera's image too, where they show how well an estimate fits.
         """
         modes = dict.fromkeys(estimate.mode for estimate in estimates) if estimates else dict(self._ghosts)
         for mode in modes:

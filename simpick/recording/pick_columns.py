@@ -1,4 +1,4 @@
-"""How a `PickRecord` and a configuration lie in a recording: entities, components and types, for writer and reader."""
+"""Layout of a `PickRecord` and a configuration in a recording: entities, components and types."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ class RecordingFile:
         stream = rr.RecordingStream(
             APPLICATION_ID,
             recording_id=recording_id,
-            # The properties that rerun would send hold the time of day; two runs of one seed shall be equal.
+            # The properties that rerun would send hold the time of day; two runs of one seed must be equal.
             send_properties=False,
             # For the same reason chunks end where `flush` is called, not where a timer happens to strike.
             batcher_config=rr.ChunkBatcherConfig.NEVER(),
@@ -91,7 +91,7 @@ class RecordingFile:
     def require_room(self) -> None:
         """Check that the disk takes `ROOM_BYTES` more, by writing them beside the recording and deleting them.
 
-        To be called before much is recorded: rerun writes from a thread of its own, which tells nobody that it failed,
+        To be called before much is recorded: rerun writes from its own thread, which reports no failure,
         and waiting for it then has no end.
 
         Raises:
@@ -109,7 +109,7 @@ class RecordingFile:
 def _no_room(path: Path, reason: str) -> str:
     return (
         f"cannot record to {path}: {reason}. What was finished before is kept: make room and run the same command "
-        "again to go on, or leave out --record"
+        "again to continue, or leave out --record"
     )
 
 
@@ -125,7 +125,7 @@ def _watch(file: RecordingFile) -> None:
         _open_files.clear()
         _owner_pid = os.getpid()
     _open_files.append(file)
-    # Only where nobody else cares for SIGTERM: its default would end the process without any clean-up.
+    # Only where nothing else handles SIGTERM: its default would end the process without any clean-up.
     in_main_thread = threading.current_thread() is threading.main_thread()
     if in_main_thread and signal.getsignal(signal.SIGTERM) == signal.SIG_DFL:
         signal.signal(signal.SIGTERM, _close_and_terminate)

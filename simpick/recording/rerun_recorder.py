@@ -35,7 +35,7 @@ class RerunRecorder:
 
     By default nothing that depends on the wall clock is written, so that the recordings of two runs with the same
     seed are equal under ``rerun rrd compare --unordered``; ``record_timings=True`` adds the latencies of each pick
-    (``/latency/<stage>``, seconds) and gives that up.
+    (``/latency/<stage>``, seconds) and breaks that equality.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class RerunRecorder:
         if not 0 < rate_hz <= 1000:
             raise ConfigError(f"rate_hz must be in (0, 1000], got {rate_hz}; 25 is smooth to the eye")
         if not 1 <= jpeg_quality <= 100:
-            raise ConfigError(f"jpeg_quality must be in 1..100, got {jpeg_quality}; 85 is hard to tell from 100")
+            raise ConfigError(f"jpeg_quality must be in 1..100, got {jpeg_quality}; 85 is hard to distinguish from 100")
         self._file = RecordingFile(path, overwrite=overwrite)
         self._record_timings, self._period_s, self._jpeg_quality = record_timings, 1.0 / rate_hz, jpeg_quality
         self._groups, self._gripper_prefix, self._serve_port = groups, gripper_prefix, serve_port

@@ -40,7 +40,7 @@ def contact_sheet(
         T_part_camera = look_at(distance * _DIRECTION / np.linalg.norm(_DIRECTION), np.zeros(3))
         views = render_part_views(part, invert(T_part_camera)[None], camera)
         assert views.rgb is not None
-        # Renderings of parts alone are exposed to the brightest channel; here a black part shall look darker.
+        # Renderings of parts alone are exposed to the brightest channel; here a black part must look darker.
         picture = (views.rgb[0] * max(_DARKEST, *part.material.rgb)).astype(np.uint8)
         # Edge pixels are half black where the part ends; a light rim would show, so only whole pixels are taken.
         sheet[top : top + cell_px, left : left + cell_px][views.masks[0]] = picture[views.masks[0]]

@@ -94,7 +94,7 @@ def make_gl_context(width: int, height: int) -> Any:
         )
     try:
         context = importlib.import_module(f"mujoco.{backend}").GLContext(width, height)
-    # The back ends raise whatever their libraries do: ImportError, OSError, AttributeError, RuntimeError, GLError.
+    # The back ends raise the errors of their libraries: ImportError, OSError, AttributeError, RuntimeError, GLError.
     except Exception as error:
         raise RenderingUnavailableError(f"OpenGL through {backend} does not work here: {error}. {_INSTALL}") from error
     _first_context_pid = os.getpid()

@@ -110,7 +110,7 @@ class PartRenderer:
 def render_part_views(
     part: Part, Ts_camera_part: Float[np.ndarray, "n 4 4"], camera: Pinhole, *, rgb: bool = True
 ) -> PartViews:
-    """Return one image for each pose; `PartRenderer` keeps what this makes anew on every call."""
+    """Return one image per pose; `PartRenderer` keeps what this function sets up on every call."""
     with PartRenderer(part, camera.height, camera.width) as renderer:
         return renderer.render(Ts_camera_part, camera, rgb=rgb)
 

@@ -119,10 +119,10 @@ class Renderer:
         geoms: bool = False,
         only: Sequence[int] | None = None,
     ) -> Rendering:
-        """Return what a camera of the model sees, at the renderer's size, or a `Viewpoint`, at its own.
+        """Return the image of a camera of the model, at the renderer's size, or of a `Viewpoint`, at its own.
 
         `data` must hold current kinematics (``mj_kinematics`` and ``mj_camlight``, or ``mj_forward``). With `only`,
-        nothing but these geoms is drawn, whatever their group.
+        only these geoms are drawn, regardless of their group.
 
         Raises:
             UnknownNameError: the model has no such camera.

@@ -36,7 +36,7 @@ class RenderableScene(Protocol):
 class SceneRenderer:
     """Renders a scene's cameras, each at its own size, through one OpenGL context. Lazy and closable like `Renderer`.
 
-    It follows the scene: when ``scene.model`` is replaced, the context is made anew.
+    It follows the scene: when ``scene.model`` is replaced, the context is made again.
     """
 
     def __init__(self, scene: RenderableScene, *, quality: RenderQuality = SCENE_QUALITY) -> None:
@@ -48,7 +48,7 @@ class SceneRenderer:
     def capture(
         self, camera: str | Viewpoint = "overhead", *, rgb: bool = True, depth: bool = True, instances: bool = True
     ) -> CameraFrame:
-        """Return what a camera of the scene, or one anywhere, sees now.
+        """Return the image of a camera of the scene, or of one anywhere.
 
         Without `rgb` the colour image is black and costs nothing. A viewpoint's image may not be larger than the
         largest of the scene's cameras.

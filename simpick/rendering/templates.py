@@ -1,4 +1,4 @@
-"""Template sets: a part seen from all around, rendered once and kept on disk."""
+"""Template sets: views of a part from all around, rendered once and cached on disk."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How much of each part a camera sees: the share of its silhouette that nothing hides."""
+"""Visibility of each part: the unoccluded share of its silhouette."""
 
 from __future__ import annotations
 

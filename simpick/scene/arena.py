@@ -11,7 +11,7 @@ from simpick.scene.physics import PhysicsConfig, set_part_contact
 from simpick.scene.workspace import BIN_CENTRE_M, CHUTE, CHUTE_CENTRE_M, TABLE_Z_M
 
 ARENA_GROUP = 1
-"""Geoms of table, bin and chute: both seen by cameras and touched."""
+"""Geoms of table, bin and chute: visible to cameras and solid."""
 _TABLE_HALF_SIDE_M = 1.6
 
 
@@ -69,7 +69,7 @@ def _add_material(
 ) -> None:
     texture = spec.add_texture(name=name, type=kind, width=image.shape[1], height=image.shape[0], nchannel=3)
     if kind == mujoco.mjtTexture.mjTEXTURE_CUBE:
-        # A cube texture holds six faces below each other; a bin wears the same image on all of them.
+        # A cube texture holds six faces below each other; a bin has the same image on all of them.
         texture.height = 6 * image.shape[0]
         image = np.concatenate([image] * 6)
     texture.data = image.tobytes()

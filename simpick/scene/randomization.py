@@ -118,7 +118,7 @@ class PartTint:
         return colorsys.hsv_to_rgb((hue + self.hue_turns) % 1.0, saturation, min(value * self.value_factor, 1.0))
 
     def applied_to(self, material: Material) -> Material:
-        """Return a part's material as this instance wears it."""
+        """Return a part's material with this instance's variation."""
         return replace(
             material,
             rgb=self.recolour(material.rgb),

@@ -1,4 +1,4 @@
-"""Another look for a scene that exists already: lamps, ambient light, colours, gloss and textures, not its poses."""
+"""Another look for an existing scene: lamps, ambient light, colours, gloss and textures, not its poses."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ class Instance:
 class Scene:
     """A bin of parts with arm, gripper and cameras. Make one with `build_scene` or `Scene.load`.
 
-    All poses are as of the last kinematics; `step` and everything here that moves things brings them up to date,
+    All poses are as of the last kinematics; `step` and every method that moves something updates them,
     so that images, truth and contacts belong together.
     """
 
@@ -93,7 +93,7 @@ class Scene:
         return float(self.data.time)
 
     def step(self, steps: int = 1) -> None:
-        """Simulate so many steps. Raises SimulationFaultError on divergence."""
+        """Simulate this many steps. Raises SimulationFaultError on divergence."""
         mujoco.mj_step(self.model, self.data, nstep=steps)
         self.check_finite()
         self.update_kinematics()
@@ -207,7 +207,7 @@ class Scene:
             self.update_kinematics()
 
     def place(self, Ts_world_part: Mapping[int, Float[np.ndarray, "4 4"]]) -> None:
-        """Put instances, at rest, wherever one wants; removed ones come back."""
+        """Place instances, at rest; removed ones return to the scene."""
         for instance, T_world_part in Ts_world_part.items():
             self._removed.discard(instance)
             release(self.model, self.data, body_name(instance), T_world_part)
@@ -250,7 +250,7 @@ class Scene:
         if archive.mujoco_version != mujoco.__version__:
             raise SceneError(
                 f"{path} must be of MuJoCo {mujoco.__version__}, which is installed, got {archive.mujoco_version}:"
-                " another version may store and continue the state differently; build the scene anew"
+                " another version may store and continue the state differently; build the scene again"
             )
         config, seed = archive.config, archive.seed
         parts = draw_parts([get_part(name) for name in config.parts], config.count, seed)
@@ -258,7 +258,7 @@ class Scene:
             if part.content_hash != expected:
                 raise SceneError(
                     f"part {part.name!r} must have the content hash {expected} of the scene in {path}, got"
-                    f" {part.content_hash}: its shape, material or density has changed; build the scene anew"
+                    f" {part.content_hash}: its shape, material or density has changed; build the scene again"
                 )
         scene = Scene(config, seed, parts, compose_scene(config, parts, seed).compile())
         scene.redropped = archive.redropped

@@ -108,7 +108,7 @@ class _Dropping:
         rest: list[int] = []
         for k in waiting:
             radius = self._radius[k]
-            # A part longer than the bin is wide starts in the middle; whatever hangs out slides or drops again.
+            # A part longer than the bin is wide starts in the middle: it slides in, or is dropped again.
             slack = np.maximum(room.size_m[:2] / 2 - radius, 0.0)
             xy = self._free_place(room.centre_m[:2], slack, radius, placed) if len(placed) < _LAYER_PARTS else None
             if xy is None:
@@ -149,7 +149,7 @@ class _Dropping:
             raise SceneError("the physics diverged while parts were settling; try another seed or a smaller timestep_s")
 
     def _until_still(self, limit_s: float, windows: int) -> None:
-        """Simulate until no part has moved for so many windows in a row, or the limit is reached."""
+        """Simulate until no part has moved for several windows in a row, or the limit is reached."""
         deadline = self._data.time + limit_s
         before = self._data.qpos.reshape(-1, 7).copy()
         still = 0

@@ -1,7 +1,7 @@
 """Which parts sleep: waking them, and carrying their sleep from one `MjData` to another.
 
 MuJoCo leaves trees at rest out of the step. It does not count this as state, though it decides what the next step
-computes, so whatever must continue bit for bit has to take it along.
+computes, so a state that must continue bit for bit has to include it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _FIELDS = (
 
 
 def wake_all(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Wake every part, for it may have lost its support, and bring all that follows from positions up to date."""
+    """Wake every part, which may have lost its support, and update everything that follows from positions."""
     # MuJoCo offers no call for it, but it wakes all when it computes with sleeping switched off.
     enabled = model.opt.enableflags
     model.opt.enableflags = enabled & ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
@@ -34,7 +34,7 @@ def wake_all(model: mujoco.MjModel, data: mujoco.MjData) -> None:
 
 
 def sleep_state(data: mujoco.MjData) -> dict[str, np.ndarray]:
-    """Return copies of everything that says who sleeps."""
+    """Return copies of the arrays that define which parts sleep."""
     return {name: np.array(getattr(data, name)) for name in _FIELDS}
 
 

@@ -150,7 +150,7 @@ def test_a_run_records_what_the_wrist_saw() -> None:
     result = run_configured_episode(config, 0, recorder=recorder)
     assert recorder.cameras[:2] == ["overhead", "wrist"] and recorder.modes[:2] == ["oracle", "closer_look"]
     assert "look" in result.picks[0].stages
-    assert result.mode == "oracle_noise+closer"
+    assert result.mode == "oracle_noise@8mm+closer"
     error = result.picks[0].pose_error
     assert error is not None and error.translation_mm < 0.1, "the error is that of the pose that was picked by"
 

@@ -1,4 +1,4 @@
-"""A part's surface as grasp sampling sees it: evenly drawn points with normals, and ray casting."""
+"""A part's surface for grasp sampling: evenly drawn points with normals, and ray casting."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a part comes to rest on a floor: the directions from which a gripper will have to come."""
+"""How a part comes to rest on a floor: the directions from which a gripper must approach."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def resting_floors(part: Part) -> Float[np.ndarray, "poses 4"]:
     covered = 0.0
     for T, share in zip(Ts_world_part, shares, strict=True):
         up = T[2, :3]
-        # Mirror poses have equal shares: their order must not hang on the last bit, so nothing is sorted here.
+        # Mirror poses have equal shares: their order must not depend on the last bit, so nothing is sorted here.
         if not (len(seen) and (seen @ up > _SAME_COSINE).any()):
             floors.append(np.append(up, float((part.mesh.vertices @ up).min())))
             seen = np.concatenate([seen, group @ up])

@@ -13,7 +13,7 @@ from simpick.geometry.transforms import so3_exp, transform
 from simpick.records import Grasp
 
 HALF_TURN_Z = transform(np.diag([-1.0, -1.0, 1.0]))
-"""Turning the TCP by 180 degrees about its approach swaps the fingers and changes nothing else."""
+"""Turning the TCP by 180 degrees about its approach swaps the fingers of a jaw."""
 
 
 def pose_distance(
