@@ -15,6 +15,7 @@ from simpick.bop.json_files import read_json, required_id, required_numbers
 from simpick.bop.rle import decode_rle, encode_compressed_rle, encode_rle
 from simpick.caching import atomic_write_text
 from simpick.errors import DatasetError
+from simpick.geometry.image_boxes import box_of_mask
 from simpick.records import Detection
 
 
@@ -46,8 +47,7 @@ class BopDetection:
         if box is None:
             if mask is None or not mask.any():
                 raise DatasetError(f"{self.where}: has neither a 'bbox' nor a 'segmentation' with pixels in it.")
-            rows, columns = np.nonzero(mask)
-            box = np.array([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1], float)
+            box = box_of_mask(mask)
         return Detection(part, box, mask, self.score, amodal=amodal)
 
 

@@ -31,6 +31,7 @@ from simpick.bop.ply import ply_text
 from simpick.bop.targets import MIN_VISIBLE_FRACTION
 from simpick.caching import atomic_write_text
 from simpick.errors import ConfigError, OutputError
+from simpick.geometry.image_boxes import box_of_mask
 from simpick.geometry.transforms import invert, transform_points
 from simpick.records import CameraFrame
 
@@ -246,11 +247,10 @@ def _info(
 
 def _box(mask: Bool[np.ndarray, "height width"]) -> list[int]:
     """Return BOP's box ``x, y, width, height``; as in the toolkit, width is the last column minus the first."""
-    rows, columns = np.nonzero(mask)
-    if len(rows) == 0:
+    if not mask.any():
         return _NO_BOX
-    x, y = int(columns.min()), int(rows.min())
-    return [x, y, int(columns.max()) - x, int(rows.max()) - y]
+    x0, y0, x1, y1 = box_of_mask(mask).astype(int).tolist()
+    return [x0, y0, x1 - x0 - 1, y1 - y0 - 1]
 
 
 def _read_table(path: Path) -> dict[int, Any]:

@@ -65,7 +65,6 @@ def summarize(errors: Sequence[PoseError | None], depths_m: Sequence[float] | No
 def summarize_by_visibility(
     errors: Sequence[PoseError | None],
     visible_fractions: Float[np.ndarray, "n"],
-    edges: Sequence[float] = VISIBILITY_BANDS,
     depths_m: Sequence[float] | None = None,
 ) -> dict[str, PoseSummary]:
     """Return a summary per visibility band, named like ``30-50 %``; upper edges belong to the next band.
@@ -73,16 +72,14 @@ def summarize_by_visibility(
     The last band includes its upper edge. Instances outside all bands are left out. `depths_m` as for `summarize`.
 
     Raises:
-        ConfigError: edges do not ascend, or there is not one visible fraction per error.
+        ConfigError: there is not one visible fraction per error.
     """
-    if len(edges) < 2 or not (np.diff(edges) > 0).all():
-        raise ConfigError(f"edges of visibility bands must be two or more and ascend, got {list(edges)}")
     if len(errors) != len(visible_fractions):
         raise ConfigError(f"there must be one visible fraction per error, got {len(visible_fractions)}")
     bands = {}
-    for low, high in pairwise(edges):
+    for low, high in pairwise(VISIBILITY_BANDS):
         inside = (visible_fractions >= low) & (visible_fractions < high)
-        if high == edges[-1]:
+        if high == VISIBILITY_BANDS[-1]:
             inside |= visible_fractions == high
         name = f"{100 * low:.0f}-{100 * high:.0f} %"
         members = np.flatnonzero(inside).tolist()

@@ -13,7 +13,7 @@ from simpick.errors import ConfigError
 from simpick.metrics.matching import greedy_matches, top_estimates, valid_truths
 from simpick.metrics.pose_errors import batch_pose_errors, mssd, pose_error
 from simpick.metrics.scores import DepthImages, PoseScores, TargetErrors, pose_scores, target_errors
-from simpick.metrics.summaries import VISIBILITY_BANDS, PoseSummary, summarize, summarize_by_visibility
+from simpick.metrics.summaries import PoseSummary, summarize, summarize_by_visibility
 from simpick.metrics.visible_surface import VSD_DELTA_M
 from simpick.pose_eval.pose_images import PoseImage, PoseModel, PoseTruth
 from simpick.pose_eval.pose_sources import Answer, PoseSource, answers
@@ -69,7 +69,7 @@ class PoseEvaluation:
         return PoseEvaluation(
             pose_scores([target for image in images for target in image.targets]),
             summarize_instances(instances),
-            summarize_by_visibility(errors, fractions, VISIBILITY_BANDS, depths_m),
+            summarize_by_visibility(errors, fractions, depths_m),
             len(images),
             sum(image.detections for image in images),
             sum(image.estimation_s for image in images),

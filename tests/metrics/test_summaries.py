@@ -39,11 +39,6 @@ def test_bands_hold_their_lower_edge_and_the_last_both() -> None:
     assert bands["90-100 %"].answered == 1
 
 
-def test_edges_must_ascend() -> None:
-    with pytest.raises(ConfigError, match=r"must be two or more and ascend, got \[0.5, 0.1\]"):
-        summarize_by_visibility([], np.zeros(0), [0.5, 0.1])
-
-
 def test_every_error_needs_its_visible_fraction() -> None:
     with pytest.raises(ConfigError, match="one visible fraction per error, got 1"):
         summarize_by_visibility([None, None], np.zeros(1))
