@@ -127,14 +127,15 @@ class CompareConfig(CellConfig):
         return {run.mode: run for run in runs}
 
     def _run(self, mode: Mode) -> RunConfig:
+        settings = self.cell()
         if mode.name != ORACLE_NOISE:
-            estimator = {"estimator": mode.name, "hypotheses": mode.hypotheses}
+            settings |= {"estimator": mode.name, "hypotheses": mode.hypotheses}
         elif mode.noise is None:
-            estimator = {"noise_deg": self.noise_deg, "noise_mm": self.noise_mm}
+            settings |= {"noise_deg": self.noise_deg, "noise_mm": self.noise_mm}
         else:
             level, unit = mode.noise
-            estimator = {f"noise_{unit}": level}
-        return RunConfig(**self.cell(), **estimator, look_closer=mode.look_closer)
+            settings[f"noise_{unit}"] = level
+        return RunConfig(**settings, look_closer=mode.look_closer)
 
 
 @dataclass(frozen=True)

@@ -50,9 +50,9 @@ def test_an_interrupt_closes_the_pool(store: ResultStore, monkeypatch: pytest.Mo
         def submit(self, function, /, *arguments, **settings) -> Future:
             raise KeyboardInterrupt
 
-        def __exit__(self, *exception: object) -> None:
+        def shutdown(self, *arguments, **settings) -> None:
             closed.append(True)
-            super().__exit__(*exception)
+            super().shutdown(*arguments, **settings)
 
     monkeypatch.setattr(runs, "WorkerPool", Interrupted)
     with pytest.raises(KeyboardInterrupt):

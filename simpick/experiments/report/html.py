@@ -44,7 +44,7 @@ def write_report(comparison: Comparison) -> Path:
 def report_html(comparison: Comparison, plots: dict[str, str]) -> str:
     """Return the report as HTML; `plots` are SVG by name."""
     environment = Environment(
-        loader=PackageLoader(__package__, ""),
+        loader=PackageLoader("simpick.experiments.report", ""),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
