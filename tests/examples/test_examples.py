@@ -27,6 +27,12 @@ def test_examples_are_short() -> None:
     assert max(lengths.values()) < 60, lengths
 
 
+def test_examples_are_pages_of_the_documentation() -> None:
+    page = (FOLDER.parent / "docs/tutorials/examples.md").read_text()
+    for file in FOLDER.glob("*.py"):
+        assert f"--8<--\nexamples/{file.name}\n--8<--" in page
+
+
 def test_python_in_readme(capsys) -> None:
     (code,) = re.findall(r"```python\n(.*?)```", (FOLDER.parent / "README.md").read_text(), re.DOTALL)
     exec(code.replace('"refined"', '"retrieval"').replace("count=8", "count=1"), {})
