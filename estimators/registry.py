@@ -158,10 +158,12 @@ def load_estimator(name: str, *, hypotheses: int | None = None, budget: PoseBudg
 
     Raises:
         UnknownNameError: no estimator has this name; the message lists those that exist.
-        ConfigError: the name is malformed, or the estimator takes no number of hypotheses or no budget.
+        ConfigError: the name is malformed or the oracle's, or the estimator takes no number of hypotheses or no budget.
         CheckpointError: the estimator's weights are missing.
     """
     parsed = EstimatorName.parse(name)
+    if parsed.name == ORACLE:
+        raise ConfigError("the oracle takes the true poses from an environment: make OracleEstimator(env.truth)")
     spec = find_estimator(parsed.name)
     hypotheses, budget = parsed.hypotheses or hypotheses, budget or PoseBudget()
     if hypotheses is not None and not spec.takes_hypotheses:

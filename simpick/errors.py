@@ -1,7 +1,7 @@
 """Errors that simpick raises on purpose.
 
-Each text says what was expected, what came, and what to do next. Everything derives from `SimpickError`, so
-that the command line prints the text without a traceback, while programs catch the class they care about.
+Each text states what was expected, what was given, and what to do. All classes derive from `SimpickError`: the command
+line prints its text without a traceback, and programs catch the class that they handle.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 
 
 class SimpickError(Exception):
-    """Base class: the message is complete and meant for a person. Comes whole out of worker processes."""
+    """Base class. The message is complete and written for users; worker processes pass it on unchanged."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Exceptions are unpickled by calling their class with the message, which is not what subclasses take.
@@ -30,7 +30,7 @@ class ConfigError(SimpickError, ValueError):
 
 
 class UnknownNameError(SimpickError, LookupError):
-    """A name is not among those that exist; the message lists them."""
+    """A name does not exist; the message lists those that do."""
 
     def __init__(self, kind: str, name: str, valid: Iterable[str], remedy: str = "") -> None:
         self.kind, self.name, self.valid = kind, name, sorted(valid)
@@ -40,10 +40,10 @@ class UnknownNameError(SimpickError, LookupError):
 
 
 class UnknownPartError(UnknownNameError):
-    """No part has this name, nor is it a path to a mesh file."""
+    """No part has this name, and it is no path to a mesh file."""
 
     def __init__(self, name: str, valid: Iterable[str]) -> None:
-        super().__init__("part", name, valid, "Bring your own with a path to an STL, OBJ, PLY or GLB file.")
+        super().__init__("part", name, valid, "A path to an STL, OBJ, PLY or GLB file is a part, too.")
 
 
 class MeshError(SimpickError, ValueError):
@@ -55,7 +55,7 @@ class RenderingUnavailableError(SimpickError, RuntimeError):
 
 
 class OutputError(SimpickError, OSError):
-    """A result cannot be written where it was asked for, or something else stands there already."""
+    """A result cannot be written to its place, or would replace something else."""
 
 
 class ArrayFileError(SimpickError, ValueError):
@@ -67,7 +67,7 @@ class SceneError(SimpickError, RuntimeError):
 
 
 class SimulationFaultError(SceneError):
-    """The physics diverged: not-a-number, or speeds that nothing in the cell can have. The scene is lost."""
+    """The physics diverged: NaN, or impossible speeds. The scene cannot be used any more."""
 
 
 class DatasetError(SimpickError, ValueError):
@@ -75,19 +75,19 @@ class DatasetError(SimpickError, ValueError):
 
 
 class CheckpointError(SimpickError, ValueError):
-    """Weights are missing, damaged, foreign, of another version or of another network; the message says which."""
+    """Weights are missing, damaged, of another format, version or network; the message states which."""
 
 
 class WorkerDiedError(SimpickError, RuntimeError):
-    """The process of one or more environments of a vector environment ended unasked."""
+    """The process of one or more environments of a vector environment died."""
 
     def __init__(self, exit_codes: Mapping[int, int], hint: str = "") -> None:
-        """Name the environments with their processes' exit codes; negative ones are signals."""
+        """Take the exit code of each environment's process; negative codes are signals."""
         ended = ", ".join(f"environment {k} with exit code {code}" for k, code in exit_codes.items())
         killed = " A negative code is a signal: -9 means killed, perhaps because memory ran out." * any(
             code < 0 for code in exit_codes.values()
         )
         super().__init__(
-            f"worker processes ended unasked: {ended or 'unknown'}.{killed} The vector environment is closed; make a "
+            f"worker processes died: {ended or 'unknown'}.{killed} The vector environment is closed; make a "
             f"new one, with fewer environments if memory is short.{' ' + hint if hint else ''}"
         )

@@ -192,7 +192,7 @@ def test_unknown_name_lists_what_exists():
     with pytest.raises(UnknownPartError) as error:
         get_part("bolt_m9")
     assert str(error.value).startswith("no part named 'bolt_m9'. Valid: bushing, cable_clip,")
-    assert "Bring your own with a path to an STL, OBJ, PLY or GLB file." in str(error.value)
+    assert "A path to an STL, OBJ, PLY or GLB file is a part, too." in str(error.value)
 
 
 @pytest.mark.parametrize("setting", [{"density_kg_m3": 0.0}, {"rgb": (2.0, 0.0, 0.0)}, {"unit": "yard"}])
