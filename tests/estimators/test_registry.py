@@ -10,8 +10,10 @@ from importlib.metadata import EntryPoint
 import pytest
 
 from simpick.errors import ConfigError, UnknownNameError
-from simpick.estimators import registry
+from simpick.estimators import PoseEstimator, registry
+from simpick.estimators.raypose import RayPoseEstimator, RayPoseEstimatorConfig
 from simpick.estimators.registry import EstimatorName, PoseBudget, estimator_names, find_estimator, load_estimator
+from simpick.estimators.retrieval import RetrievalConfig, RetrievalEstimator
 
 
 class Telepathy:
@@ -22,6 +24,11 @@ class Telepathy:
 
     def estimate(self, frame, detections):
         return []
+
+
+def config_of(estimator: PoseEstimator) -> RayPoseEstimatorConfig | RetrievalConfig:
+    assert isinstance(estimator, RayPoseEstimator | RetrievalEstimator)
+    return estimator.config
 
 
 @pytest.fixture
@@ -49,13 +56,14 @@ def test_an_unknown_name_lists_what_exists() -> None:
 
 
 def test_hypotheses_are_asked_for_by_name_or_by_number() -> None:
-    assert load_estimator("retrieval@8").config.hypotheses == 8
-    assert load_estimator("retrieval", hypotheses=3).config.hypotheses == 3
-    assert load_estimator("coarse@4", hypotheses=3).config.hypotheses == 4
+    assert config_of(load_estimator("retrieval@8")).hypotheses == 8
+    assert config_of(load_estimator("retrieval", hypotheses=3)).hypotheses == 3
+    assert config_of(load_estimator("coarse@4", hypotheses=3)).hypotheses == 4
 
 
 def test_a_budget_reaches_the_estimator_or_is_refused() -> None:
-    config = load_estimator("coarse", budget=PoseBudget(iterations=0, steps=7)).config
+    config = config_of(load_estimator("coarse", budget=PoseBudget(iterations=0, steps=7)))
+    assert isinstance(config, RayPoseEstimatorConfig)
     assert (config.iterations, config.steps) == (0, 7)
     with pytest.raises(ConfigError, match="iterations and steps are options of coarse and fine; 'retrieval' has none"):
         load_estimator("retrieval", budget=PoseBudget(steps=2))

@@ -36,6 +36,7 @@ _IMAGENET_STD = (0.229, 0.224, 0.225)
 class DinoEncoder(nn.Module):
     """A frozen vision transformer on masked crops; it stays in evaluation mode and learns nothing."""
 
+    vit: Any
     mean: Tensor
     std: Tensor
 
@@ -55,8 +56,7 @@ class DinoEncoder(nn.Module):
     def forward(self, rgb: Float[Tensor, "batch 3 size size"], masks: Float[Tensor, "batch size size"]) -> FeatureMaps:
         """Return one feature vector per patch of 14 x 14 pixels; RGB in [0, 1], black outside the mask."""
         x = (rgb * masks[:, None] - self.mean) / self.std
-        vit: Any = self.vit
-        tokens = vit.forward_features(x)  # (batch, 1 + cells * cells, width)
+        tokens = self.vit.forward_features(x)  # (batch, 1 + cells * cells, width)
         cells = rgb.shape[-1] // PATCH_PX
         return FeatureMaps(tokens[:, -cells * cells :].mT.unflatten(-1, (cells, cells)), None)
 
@@ -101,7 +101,7 @@ def load_dino_weights(encoder: nn.Module, path: Path) -> None:
     """
     if not isinstance(encoder, DinoEncoder):
         raise CheckpointError(f"{path} cannot be used: this network's image encoder is not DINOv2")
-    vit: Any = encoder.vit
+    vit = encoder.vit
     tensors = _read(path)
     # Only pre-training needs it; timm's own files leave it out.
     tensors.pop("mask_token", None)

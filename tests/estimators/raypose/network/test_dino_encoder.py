@@ -173,6 +173,7 @@ def test_an_encoder_has_the_published_names_and_shapes() -> None:
 def test_checkpoints_leave_dino_out_and_ask_for_it(tmp_path: Path, images, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dino_encoder, "make_dino_encoder", lambda config: DinoEncoder(tiny_vit(3)))
     model = RayPose(CONFIG).eval()
+    assert isinstance(model.image_encoder, DinoEncoder)
     save_file(model.image_encoder.vit.state_dict(), tmp_path / "vit.safetensors")
     save_checkpoint(tmp_path / "model.safetensors", model, {})
     with pytest.raises(CheckpointError, match="needs the weights of dinov2_vits14, which are not part of it: pass a"):

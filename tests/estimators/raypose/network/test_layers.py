@@ -54,10 +54,11 @@ def test_a_new_dit_block_is_the_identity() -> None:
 def test_every_gate_of_a_dit_block_opens() -> None:
     block, x = DiTBlock(8, 2), randn(2, 3, 4, 8)
     context, noise = randn(2, 5, 8, seed=1), randn(2, 8, seed=2)
+    _, bias = block.adaLN_modulation.parameters()
     for gate in (2, 5, 8):
         with torch.no_grad():
-            block.adaLN_modulation[1].bias.zero_()
-            block.adaLN_modulation[1].bias[8 * gate : 8 * gate + 8] = 1.0
+            bias.zero_()
+            bias[8 * gate : 8 * gate + 8] = 1.0
         changed = block(x, block.cross_attention.keys_values(context), noise) - x
         assert changed.abs().max() > 1e-3
         # Only the middle gate lets the context in.
@@ -67,7 +68,8 @@ def test_every_gate_of_a_dit_block_opens() -> None:
 
 def test_tokens_of_different_views_meet_only_through_the_context() -> None:
     block, x = DiTBlock(8, 2), randn(1, 3, 4, 8)
-    torch.nn.init.normal_(block.adaLN_modulation[1].weight)
+    weight, _ = block.adaLN_modulation.parameters()
+    torch.nn.init.normal_(weight)
     kv, noise = block.cross_attention.keys_values(randn(1, 5, 8, seed=1)), randn(1, 8, seed=2)
     moved = x.clone()
     moved[:, 1] += 1
