@@ -17,10 +17,12 @@ from simpick.records import CameraFrame
 from simpick.rendering import SceneRenderer, Visibility, measure_visibility
 from simpick.scene import SceneConfig, build_scene
 
+_CAMERA = "overhead"
+
 
 @dataclass(frozen=True, eq=False)
 class BinView:
-    """The camera image of a settled bin with its ground truth, without detections."""
+    """The overhead camera's image of a settled bin with its ground truth, without detections."""
 
     seed: int
     """Seed of the bin."""
@@ -56,12 +58,12 @@ class BinImage:
     """Of the image's truths, in their order."""
 
 
-def view_bin(config: SceneConfig, seed: int, *, camera: str = "overhead") -> tuple[BinView, tuple[Visibility, ...]]:
-    """Build the bin of a seed and return the camera's view, and the visibility of each of its truths."""
+def view_bin(config: SceneConfig, seed: int) -> tuple[BinView, tuple[Visibility, ...]]:
+    """Build the bin of a seed and return the overhead camera's view, and the visibility of each of its truths."""
     scene = build_scene(config, seed)
     with SceneRenderer(scene) as renderer:
-        frame = renderer.capture(camera)
-        visibilities = measure_visibility(renderer, camera)
+        frame = renderer.capture(_CAMERA)
+        visibilities = measure_visibility(renderer, _CAMERA)
     T_camera_world = invert(frame.T_world_camera)
     parts = tuple(instance.part for instance in scene.instances)
     truths = tuple(
@@ -73,12 +75,10 @@ def view_bin(config: SceneConfig, seed: int, *, camera: str = "overhead") -> tup
     return BinView(seed, frame, parts, truths), visibilities
 
 
-def bin_images(
-    config: SceneConfig, seeds: Sequence[int], detections: str = "perfect", *, camera: str = "overhead"
-) -> Iterator[BinImage]:
+def bin_images(config: SceneConfig, seeds: Sequence[int], detections: str = "perfect") -> Iterator[BinImage]:
     """Build a bin for each seed and yield its image with depth, truth, targets and detections of this preset."""
     for seed in seeds:
-        view, visibilities = view_bin(config, seed, camera=camera)
+        view, visibilities = view_bin(config, seed)
         yield BinImage(view.image(detections), visibilities)
 
 
