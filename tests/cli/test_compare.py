@@ -85,7 +85,7 @@ def test_the_report_of_a_folder_that_was_moved_still_leads_to_its_recordings(who
     assert (moved / "report.html").read_text() == html
 
 
-def test_more_bins_and_modes_go_on(whole: Path, tmp_path: Path, capsys) -> None:
+def test_more_bins_and_modes_are_added(whole: Path, tmp_path: Path, capsys) -> None:
     folder = tmp_path / "out"
     assert main(["compare", "oracle", *SMALL, "--episodes", "1", "--out", str(folder)]) == 0
     stamp = read_results(folder / "results.jsonl")[0].timings_s
@@ -96,7 +96,7 @@ def test_more_bins_and_modes_go_on(whole: Path, tmp_path: Path, capsys) -> None:
     assert "oracle_noise" in printed and "failed picks in the same bins, by cause" in printed
 
 
-def test_wrong_modes_are_told_all_at_once(tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_wrong_modes_are_reported_all_at_once(tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch) -> None:
     def without_weights(hypotheses, budget):
         raise SimpickError("the weights of 'bare' are missing: train them with simpick train")
 
@@ -176,7 +176,7 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
-def test_a_disk_that_is_full_while_recording_ends_the_run_and_the_run_goes_on(whole: Path, tmp_path: Path) -> None:
+def test_a_disk_that_is_full_while_recording_ends_the_run_which_resumes_later(whole: Path, tmp_path: Path) -> None:
     folder = tmp_path / "out"
     command = ["compare", "oracle", *SMALL, "--episodes", "2", "--record", "--out", str(folder)]
     # A limit on the size of files stands for the full disk; rerun alone would wait for its writer for ever.
@@ -202,8 +202,8 @@ def test_a_run_that_stops_leaves_a_partial_report(
 
     monkeypatch.setattr(comparison, "run_jobs", stopped)
     assert main([*MODES, *SMALL, "--episodes", "4", "--out", str(folder)]) == 2
-    told = capsys.readouterr()
-    assert "a worker process was killed" in told.err and "partial report:" in told.out
+    printed = capsys.readouterr()
+    assert "a worker process was killed" in printed.err and "partial report:" in printed.out
     assert "Partial: 1 of 4 bins are left out" in (folder / "report.html").read_text()
 
 

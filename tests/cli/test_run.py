@@ -67,7 +67,7 @@ def test_true_poses_empty_a_small_bin(recorded: list[Path]) -> None:
     assert result.ended == "cleared" and result.delivered == 2
 
 
-def test_a_stopped_run_goes_on_and_ends_the_same(recorded: list[Path], tmp_path: Path, capsys) -> None:
+def test_a_stopped_run_resumes_and_ends_the_same(recorded: list[Path], tmp_path: Path, capsys) -> None:
     folder = tmp_path / "run"
     arguments = (*SMALL, "--episodes", "2", "--out", str(folder))
     assert main([*arguments]) == 0
@@ -151,7 +151,7 @@ def test_the_table_names_mode_and_noise(config: RunConfig, title: str) -> None:
     assert scores_table(config, [make_result()]).title == title
 
 
-def test_recordings_that_are_missing_are_owned_up_to(recorded: list[Path], tmp_path: Path, capsys) -> None:
+def test_missing_recordings_are_reported(recorded: list[Path], tmp_path: Path, capsys) -> None:
     folder = tmp_path / "run"
     shutil.copytree(recorded[0], folder)
     next(folder.glob("*.rrd")).unlink()

@@ -45,7 +45,7 @@ def test_differences_are_within_bins() -> None:
     assert (success.value, success.low, success.high) == pytest.approx((-25, -25, -25))
 
 
-def test_each_mode_is_held_against_the_first_and_the_one_before() -> None:
+def test_each_mode_is_compared_with_the_first_and_with_its_predecessor() -> None:
     results = [bin_of(mode, 0, PickOutcome.SUCCESS) for mode in "abcd"]
     pairs = [(d.mode, d.against) for d in compare_modes(results, list("abcd"), rng()).differences]
     assert pairs == [("b", "a"), ("c", "a"), ("d", "a"), ("c", "b"), ("d", "c")]
@@ -78,8 +78,8 @@ def test_a_pick_without_a_pose_error_has_no_part_in_the_medians() -> None:
 
 def test_the_best_mode_also_clears_the_bin() -> None:
     def figures(success: float, clearance: float, mpph: float) -> dict[str, Interval]:
-        told = {"grasp_success": success, "clearance": clearance, "mpph": mpph}
-        return {m.key: Interval(told.get(m.key, 0.0), 0.0, 0.0) for m in MEASURES}
+        given = {"grasp_success": success, "clearance": clearance, "mpph": mpph}
+        return {m.key: Interval(given.get(m.key, 0.0), 0.0, 0.0) for m in MEASURES}
 
     measures = {
         "shy": figures(100, 30, 900),

@@ -27,7 +27,7 @@ def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-def identity(*modes: str) -> dict:
+def provenance(*modes: str) -> dict:
     config = CompareConfig(modes=modes, parts=("hex_bolt",))
     return run_provenance(config, [RunConfig(parts=config.parts, estimator=mode) for mode in modes])
 
@@ -35,56 +35,56 @@ def identity(*modes: str) -> dict:
 def test_weights_that_ship_are_among_them() -> None:
     assert SHIPPED["fine"].data().keys() == {"raypose.safetensors"}
     assert SHIPPED["refined"].data().keys() == {"raypose.safetensors", "confidence.json"}
-    assert identity("oracle")["mode_data"] == {"oracle": {}}
+    assert provenance("oracle")["mode_data"] == {"oracle": {}}
 
 
 def test_other_weights_are_refused_and_results_stay(shipped: Path, tmp_path: Path) -> None:
     folder = tmp_path / "out"
     result = EpisodeResult(0, 0, (), (), "cleared", mode="fine")
-    ResultStore(folder, identity("retrieval", "fine")).add(result)
+    ResultStore(folder, provenance("retrieval", "fine")).add(result)
     before = {file.name: file.read_bytes() for file in folder.iterdir()}
-    assert ResultStore(folder, identity("retrieval", "fine")).results == (result,)
+    assert ResultStore(folder, provenance("retrieval", "fine")).results == (result,)
     (shipped / "raypose.safetensors").write_bytes(b"trained longer")
     with pytest.raises(
         OutputError,
         match=r"weights or data of mode fine, raypose\.safetensors \('\w{16}' there, '\w{16}' now\)\. They are "
         r"left as they are\. Choose another folder with --out, or --overwrite",
     ) as refusal:
-        ResultStore(folder, identity("retrieval", "fine"))
+        ResultStore(folder, provenance("retrieval", "fine"))
     assert "retrieval" not in str(refusal.value)
     assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
 
 
 def test_fitted_data_that_appear_are_noticed(shipped: Path) -> None:
-    before = identity("retrieval", "retrieval_refined")
+    before = provenance("retrieval", "retrieval_refined")
     (shipped / "confidence.json").write_text("{}")
-    (told,) = changes(before, identity("retrieval", "retrieval_refined"))
-    assert told.startswith("weights or data of mode retrieval_refined, confidence.json (none there, '")
+    (change,) = changes(before, provenance("retrieval", "retrieval_refined"))
+    assert change.startswith("weights or data of mode retrieval_refined, confidence.json (none there, '")
 
 
 def test_another_version_is_named() -> None:
-    before = identity("oracle")
+    before = provenance("oracle")
     now = before | {"versions": before["versions"] | {"simpick": "9.0"}}
     assert changes(before, now) == [f"version of simpick ('{before['versions']['simpick']}' there, '9.0' now)"]
 
 
-def test_a_folder_of_an_older_simpick_is_told_so() -> None:
+def test_a_folder_of_an_older_simpick_is_recognised() -> None:
     old = CompareConfig(modes=("oracle",), parts=("hex_bolt",)).to_json()
-    now = identity("oracle")
+    now = provenance("oracle")
     assert changes(json.loads(json.dumps(old)), json.loads(json.dumps(now))) == [
         f"{key} (not stated there, by an older simpick)" for key in ("mode_data", "verified_grasps", "versions")
     ]
 
 
-def test_more_modes_go_on_in_any_order(shipped: Path) -> None:
-    assert changes(identity("oracle", "fine"), identity("fine", "coarse", "oracle")) == []
-    assert len(changes(identity("oracle", "fine"), identity("oracle"))) == 1
+def test_more_modes_are_added_in_any_order(shipped: Path) -> None:
+    assert changes(provenance("oracle", "fine"), provenance("fine", "coarse", "oracle")) == []
+    assert len(changes(provenance("oracle", "fine"), provenance("oracle"))) == 1
 
 
 def test_other_grasps_are_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    before = identity("oracle")
+    before = provenance("oracle")
     other = tmp_path / "hex_bolt_jaw.npz"
     other.write_bytes(shipped_path("hex_bolt", "jaw").read_bytes() + b"more")
     monkeypatch.setattr("simpick.experiments.provenance.shipped_path", lambda name, kind: other)
-    (told,) = changes(before, identity("oracle"))
-    assert told.startswith("verified_grasps (")
+    (change,) = changes(before, provenance("oracle"))
+    assert change.startswith("verified_grasps (")

@@ -15,7 +15,7 @@ from tests.experiments.test_result_store import make_pick
 MODES = ("oracle", "oracle_noise", "retrieval", "retrieval_refined", "coarse", "fine", "refined", "refined@8")
 
 
-def test_eight_modes_are_told_whole_in_80_columns() -> None:
+def test_eight_modes_are_shown_whole_in_80_columns() -> None:
     results = [EpisodeResult(k, k, ("tee",), (make_pick(0),), "cleared", {}, mode) for k in (0, 1) for mode in MODES]
     statistics = compare_modes(results, MODES, np.random.default_rng(0))
     output = io.StringIO()
@@ -31,7 +31,7 @@ def test_eight_modes_are_told_whole_in_80_columns() -> None:
     assert "- retrieval_refined" in text and "(100.0 to 100.0)" in text
 
 
-def test_causes_of_nine_modes_are_told_whole_in_80_columns() -> None:
+def test_causes_of_nine_modes_are_shown_whole_in_80_columns() -> None:
     longest = "retrieval_refined@50+closer"
     outcomes = (PickOutcome.NOTHING_DETECTED, PickOutcome.MISSED, PickOutcome.MISSED, PickOutcome.DROPPED)
     picks = tuple(make_pick(k, outcome) for k, outcome in enumerate(outcomes))

@@ -69,7 +69,7 @@ def test_another_configuration_is_refused(tmp_path: Path) -> None:
         ResultStore(tmp_path, CONFIG | {"seed": 1})
 
 
-def test_more_episodes_go_on_and_fewer_are_refused(tmp_path: Path) -> None:
+def test_more_episodes_are_added_and_fewer_are_refused(tmp_path: Path) -> None:
     ResultStore(tmp_path, CONFIG | {"episodes": 1}).add(make_result(0))
     assert ResultStore(tmp_path, CONFIG | {"episodes": 3}).results == (make_result(0),)
     assert json.loads((tmp_path / "config.json").read_text())["episodes"] == 3
