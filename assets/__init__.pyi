@@ -1,3 +1,7 @@
+from .cad_import import CadImport as CadImport
+from .cad_import import CadSettings as CadSettings
+from .cad_import import import_cad as import_cad
+from .cad_import import load_cad as load_cad
 from .library import get_part as get_part
 from .library import part_names as part_names
 from .library_parts import library_part_names as library_part_names
@@ -5,9 +9,5 @@ from .part import Material as Material
 from .part import Part as Part
 from .random_parts import random_part as random_part
 from .symmetry_detection import detect_symmetries as detect_symmetries
-from .user_parts import CadImport as CadImport
-from .user_parts import CadSettings as CadSettings
 from .user_parts import add_user_part as add_user_part
-from .user_parts import import_cad as import_cad
-from .user_parts import load_cad as load_cad
 from .user_parts import remove_user_part as remove_user_part

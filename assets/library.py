@@ -6,6 +6,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 
 from simpick.assets import user_parts
+from simpick.assets.cad_import import is_mesh_path, load_cad, name_from_path
 from simpick.assets.library_parts import BUILDERS
 from simpick.assets.part import Part
 from simpick.assets.random_parts import random_part, seed_from_name
@@ -29,7 +30,7 @@ def get_part(name_or_path: str | Path) -> Part:
         return _library_part(name)
     if (seed := seed_from_name(name)) is not None:
         return random_part(seed)
-    if user_parts.is_mesh_path(name):
+    if is_mesh_path(name):
         path = Path(name)
         return _part_of_file(path, path.stat().st_mtime_ns if path.is_file() else 0)
     if name in user_parts.user_part_names():
@@ -48,8 +49,8 @@ def _library_part(name: str) -> Part:
 
 @lru_cache(maxsize=64)
 def _part_of_file(path: Path, _modified_ns: int) -> Part:
-    name = user_parts.name_from_path(path)
-    return user_parts.load_cad(path, name=f"{name}_cad" if name in part_names() else name)
+    name = name_from_path(path)
+    return load_cad(path, name=f"{name}_cad" if name in part_names() else name)
 
 
 @lru_cache(maxsize=64)

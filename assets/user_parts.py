@@ -1,130 +1,21 @@
-"""Parts from a user's CAD files: by path wherever a part name is accepted, or registered once under a name."""
+"""The user's parts: CAD files registered under a name, so that `get_part` takes the name from then on."""
 
 from __future__ import annotations
 
 import json
-import logging
-import os
-import re
 import shutil
 import tempfile
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
 
-import numpy as np
-import trimesh
-from annotated_types import Interval
-
-from simpick.assets.cad_files import SUFFIXES, read_cad
-from simpick.assets.convex_pieces import convex_pieces
+from simpick.assets.cad_import import CadImport, CadSettings, checked_name, import_cad, name_from_path
 from simpick.assets.library_parts import is_reserved_name
-from simpick.assets.part import Material, Part
-from simpick.assets.symmetry_detection import detect_symmetries
-from simpick.assets.units import Unit, choose_unit
-from simpick.caching import cache_dir, cache_key, cached_arrays
-from simpick.config import Config, Fraction, from_json, read_json
+from simpick.assets.part import Part
+from simpick.caching import cache_dir
+from simpick.config import from_json, read_json
 from simpick.errors import ConfigError, MeshError, OutputError, UnknownNameError
-from simpick.geometry.symmetry import ContinuousSymmetry, SymmetryGroup
-from simpick.geometry.transforms import transform
 
-_LOG = logging.getLogger(__name__)
-_SYMMETRY_CACHE_VERSION = 1
 _SETTINGS = "part.json"
-
-
-@dataclass(frozen=True)
-class CadSettings(Config):
-    """How a CAD file becomes a part."""
-
-    unit: Unit = "auto"
-    """Unit of the file's coordinates; "auto" takes mm or m by plausible size."""
-    density_kg_m3: Annotated[float, Interval(ge=50, le=25000)] = 1200.0
-    """Density of the solid: about 1200 for plastic, 2700 for aluminium, 7850 for steel."""
-    rgb: tuple[Fraction, Fraction, Fraction] = (0.6, 0.6, 0.62)
-    """Colour, each channel between 0 and 1."""
-    simplify: bool = False
-    """Merge facets within 0.1 % of the size while reading: for meshes with very many faces."""
-
-
-@dataclass(frozen=True, eq=False)
-class CadImport:
-    """A part made from a CAD file, and what was decided on the way."""
-
-    part: Part
-    unit: str
-    metres_per_unit: float
-    notes: tuple[str, ...]
-    """Sentences: the choice of unit, what was repaired, the symmetry that was found."""
-
-
-def load_cad(
-    path: str | Path,
-    *,
-    unit: Unit = "auto",
-    name: str | None = None,
-    density_kg_m3: float = 1200.0,
-    rgb: tuple[float, float, float] = (0.6, 0.6, 0.62),
-    simplify: bool = False,
-) -> Part:
-    """Return the part of an STL, OBJ, PLY or GLB file; what was decided is logged. See `import_cad`."""
-    return import_cad(path, CadSettings(unit, density_kg_m3, rgb, simplify), name=name).part
-
-
-def import_cad(path: str | Path, settings: CadSettings | None = None, *, name: str | None = None) -> CadImport:
-    """Return a CAD file's part with notes on what was decided.
-
-    The part frame is the file's, moved to the centre of the bounding box: ``T_cad_part`` leads back (in metres;
-    divide by `CadImport.metres_per_unit` for the file's own unit). `name` defaults to the file's, made of letters,
-    digits and underscores. Raises `MeshError` if the file cannot become a part, and says what to do.
-    """
-    path, settings = Path(path), settings or CadSettings()
-    mesh, notes = read_cad(path, simplify=settings.simplify)
-    choice = choose_unit(float(mesh.extents.max()), settings.unit, file=path.name)
-    mesh.apply_scale(choice.metres_per_unit)
-    centre = mesh.bounds.mean(axis=0)
-    mesh.apply_translation(-centre)
-    symmetries = _cached_symmetries(mesh)
-    part = Part(
-        name=checked_name(name) if name is not None else name_from_path(path),
-        mesh=mesh,
-        collision=convex_pieces(mesh),
-        symmetries=symmetries,
-        density_kg_m3=settings.density_kg_m3,
-        material=Material(settings.rgb),
-        T_cad_part=transform(None, centre),
-    )
-    notes = [choice.note, *notes, f"{path.name}: symmetry: {describe_symmetry(symmetries)}"]
-    for note in notes:
-        _LOG.info(note)
-    return CadImport(part, choice.unit, choice.metres_per_unit, tuple(notes))
-
-
-def describe_symmetry(group: SymmetryGroup) -> str:
-    """Return the group in a few words."""
-    if group.continuous:
-        if len(group.discrete) > 1:
-            return "sphere"
-        return "revolution, ends alike" if len(group.discrete) else "revolution"
-    return f"{len(group.discrete) + 1} rotations" if len(group.discrete) else "none"
-
-
-def name_from_path(path: Path) -> str:
-    """Return a part name made of a file's name: lower case letters, digits and underscores."""
-    name = re.sub(r"[^a-z0-9]+", "_", path.stem.lower()).strip("_")
-    return name if name and not name[0].isdigit() else f"part_{name}".rstrip("_")
-
-
-def checked_name(name: str) -> str:
-    """Return `name`, or raise `ConfigError` if it is not made of letters, digits and underscores."""
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
-        raise ConfigError(
-            f"a part's name must start with a letter and hold only letters, digits and underscores, got {name!r}"
-        )
-    return name
-
-
-# The register ---------------------------------------------------------------------------------------------------------
 
 
 def user_parts_dir() -> Path:
@@ -222,24 +113,3 @@ def load_user_part(name: str) -> Part:
             f"simpick parts add FILE --name {name} --replace"
         ) from error
     return import_cad(file, settings, name=name).part
-
-
-def is_mesh_path(text: str) -> bool:
-    """Return whether a part's name is meant as a path: it ends like a mesh file or contains a separator."""
-    return Path(text).suffix.lower() in SUFFIXES or "/" in text or os.sep in text
-
-
-def _cached_symmetries(mesh: trimesh.Trimesh) -> SymmetryGroup:
-    """Return the detected symmetries; detection takes seconds for cubes and the like, so it is done once."""
-    key = cache_key(_SYMMETRY_CACHE_VERSION, np.asarray(mesh.vertices).tobytes(), np.asarray(mesh.faces).tobytes())
-    path = cache_dir() / "symmetries" / f"{key}.npz"
-
-    def detected() -> dict[str, np.ndarray]:
-        found = detect_symmetries(mesh)
-        axes = np.array([[*axis.axis, *axis.offset_m] for axis in found.continuous]).reshape(-1, 6)
-        return {"discrete": found.discrete, "axes": axes}
-
-    stored = cached_arrays(path, ("discrete", "axes"), detected)
-    rows = [tuple(float(x) for x in row) for row in stored["axes"]]
-    axes = tuple(ContinuousSymmetry((r[0], r[1], r[2]), (r[3], r[4], r[5])) for r in rows)
-    return SymmetryGroup(stored["discrete"], axes)

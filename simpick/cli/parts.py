@@ -31,7 +31,7 @@ class PartsList:
     def run(self) -> int:
         """Print the table: the library parts, then those that were added."""
         from simpick.assets import get_part, library_part_names, part_names
-        from simpick.assets.user_parts import describe_symmetry
+        from simpick.assets.cad_import import describe_symmetry
         from simpick.terminal import Console, narrow_table
 
         table = narrow_table("name", "from", "symmetry", "extents, mm", "mass, g", "pieces", title="Parts", labels=3)
@@ -149,7 +149,7 @@ def describe_files(parts: Iterable[str]) -> list[str]:
         UnknownPartError, MeshError: a file does not exist or cannot be a part.
     """
     from simpick.assets import get_part
-    from simpick.assets.user_parts import is_mesh_path
+    from simpick.assets.cad_import import is_mesh_path
 
     lines = []
     for name in filter(is_mesh_path, parts):

@@ -65,7 +65,7 @@ def test_unit_is_chosen_by_plausible_size(longest, unit, scale):
 
 def test_unit_choice_is_explained_and_logged(tmp_path, caplog):
     path = box_file(tmp_path, [60, 20, 10])
-    with caplog.at_level(logging.INFO, logger="simpick.assets.user_parts"):
+    with caplog.at_level(logging.INFO, logger="simpick.assets.cad_import"):
         load_cad(path)
     expected = (
         "box.stl: read in mm, because that makes it 60 mm long (in m it would be 60000 mm); pass a unit to override"
