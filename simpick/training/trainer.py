@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import math
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from torch.optim.swa_utils import AveragedModel
 
 from simpick.errors import ConfigError, SimpickError
 from simpick.estimators.raypose.checkpoints import load_checkpoint, save_checkpoint
-from simpick.estimators.raypose.diffusion.schedule import make_schedule
+from simpick.estimators.raypose.diffusion.schedule import Schedule, make_schedule
 from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.network.encoders.dino_encoder import load_dino_weights
 from simpick.estimators.raypose.network.losses import weighted_sum
@@ -70,10 +70,16 @@ def train(
     processes = Distributed.from_environment(resources.device)
     if resources.threads:
         torch.set_num_threads(resources.threads)
-    run = TrainingFolder(folder, {"network": network.to_json(), "training": asdict(config)}, processes.rank)
+    run = TrainingFolder(folder, {"network": network.to_json(), "training": config.to_json()}, processes.rank)
     state = _start(network, config, processes.device, start_from, dino_weights)
     if saved := run.load_state():
-        state.load(saved)
+        try:
+            state.load(saved)
+        except (KeyError, ValueError, RuntimeError) as error:
+            raise ConfigError(
+                f"the run in {folder} is of another version of simpick and cannot be resumed; choose another folder, "
+                f"and start from {run.weights} with --start-from"
+            ) from error
     trainer = _Trainer(config, budget, resources, processes, run, state, on_row or (lambda row, progress: None))
     with processes:
         trainer.run()
@@ -137,22 +143,26 @@ def _start(
     return _State(model.train(), moving_average(model, config.ema_decay), optimizer)
 
 
+@dataclass
 class _Trainer:
-    def __init__(
-        self,
-        config: TrainConfig,
-        budget: Budget,
-        resources: Resources,
-        processes: Distributed,
-        run: TrainingFolder,
-        state: _State,
-        on_row: Callable[[dict[str, Any], float], None],
-    ) -> None:
-        self.config, self.budget, self.resources, self.processes = config, budget, resources, processes
-        self.run_folder, self.state, self.on_row = run, state, on_row
-        self.schedule = make_schedule(config.schedule)
-        self.sums: dict[str, float] = {}
-        self.counted = 0
+    """The loop over steps, validations and rows of the log."""
+
+    config: TrainConfig
+    budget: Budget
+    resources: Resources
+    processes: Distributed
+    run_folder: TrainingFolder
+    state: _State
+    on_row: Callable[[dict[str, Any], float], None]
+    sums: dict[str, float] = field(default_factory=dict)
+    """Sum of each term of the loss over the steps since the last row."""
+    counted: int = 0
+    """Steps since the last row."""
+
+    @cached_property
+    def schedule(self) -> Schedule:
+        """Return the noise schedule."""
+        return make_schedule(self.config.schedule)
 
     def run(self) -> None:
         """Train until the budget is spent."""
@@ -248,7 +258,7 @@ class _Trainer:
         assert isinstance(average, RayPose)
         figures = validation.measure(average, self.schedule)
         self._row("validation", figures)
-        card = {"training": json.loads(json.dumps(asdict(self.config))), "validation": figures}
+        card = {"training": self.config.to_json(), "validation": figures}
         card |= {"steps": self.state.step, "queries": self._queries(), "hours": self.state.seconds / 3600}
         save_checkpoint(self.run_folder.weights, average, card)
         self.run_folder.save_state(self.state.save())

@@ -145,6 +145,15 @@ def test_a_damaged_state_is_reported_and_kept(straight: Path, resources: Resourc
     assert (tmp_path / "state.pt").read_bytes() == damaged
 
 
+def test_a_state_of_another_version_is_reported(straight: Path, resources: Resources, tmp_path: Path) -> None:
+    (tmp_path / "config.json").write_bytes((straight / "config.json").read_bytes())
+    state = saved(straight)
+    state["average"] = state["model"]
+    torch.save(state, tmp_path / "state.pt")
+    with pytest.raises(ConfigError, match="is of another version of simpick and cannot be resumed; choose another"):
+        train(NETWORK, TINY_TRAINING, Budget(steps=STEPS), tmp_path, resources=resources)
+
+
 def test_a_loss_that_is_not_a_number_ends_the_run_and_saves_nothing(
     resources: Resources, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -10,17 +10,13 @@ from annotated_types import Interval
 from simpick.config import Config, NonNegativeInt, PositiveInt
 from simpick.errors import ConfigError, UnknownNameError
 
-IMAGE_ENCODERS = ("simpick", "dinov2_vits14", "dinov2_vitb14", "dinov2_vitl14")
-"""simpick's own is trained with the rest; DINOv2 is frozen, as in the paper, and its weights come from a local file."""
-TEMPLATE_VIEWS = ("random", "fixed")
-
 
 @dataclass(frozen=True)
 class RayPoseConfig(Config):
     """Everything that the network depends on beside its weights; stored in every checkpoint."""
 
     image_encoder: Literal["simpick", "dinov2_vits14", "dinov2_vitb14", "dinov2_vitl14"] = "simpick"
-    """Encoder of crops (E_I of the paper)."""
+    """Encoder of crops (E_I of the paper): simpick's own is trained, DINOv2 is frozen and read from a local file."""
     crop_px: PositiveInt = 96
     """Side of the virtual-camera crops that the network sees, in pixels."""
     padding: Annotated[float, Interval(ge=1, le=3)] = 1.2
