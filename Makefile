@@ -49,7 +49,7 @@ lint: $(READY)
 
 docs: $(READY)
 	$(BIN)/python -m pip install --quiet --constraint .ci/constraints.txt --editable '.[docs]'
-	$(BIN)/mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 doctor: $(READY)
 	$(BIN)/simpick doctor
