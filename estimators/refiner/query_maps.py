@@ -10,6 +10,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from simpick.estimators.luminance import LUMINANCE
 from simpick.geometry import VirtualCameras, aim_virtual_cameras
 from simpick.geometry.crops import warp
 from simpick.records import CameraFrame
@@ -41,7 +42,7 @@ def query_maps(
 ) -> QueryMaps:
     """Return the maps of detections whose masks have these boxes; `others` are the pixels of all other detections."""
     cameras = aim_virtual_cameras(frame.camera, boxes_xyxy_px, size_px, padding=padding)
-    gray = np.rint(frame.rgb @ np.array([0.299, 0.587, 0.114])).astype(np.uint8)
+    gray = np.rint(frame.rgb @ np.array(LUMINANCE)).astype(np.uint8)
     inside = np.full(gray.shape, 255, np.uint8)
     maps = []
     for mask, other, H in zip(masks, others, cameras.homographies(frame.camera), strict=True):

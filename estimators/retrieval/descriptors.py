@@ -7,20 +7,21 @@ from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 from torch.nn import functional as F
 
+from simpick.estimators.luminance import LUMINANCE
+
 CROP_PX = 64
 """Side of the crops that are described."""
 BINS = 9
 """Edge directions of 20 degrees each; light-to-dark and dark-to-light edges count as one, since lights differ."""
 CELL_PX = 8
 SILHOUETTE_CELLS = 16
-_LUMINANCE = (0.299, 0.587, 0.114)
 # Cells with less contrast than this fraction of the crop's mean count as flat.
 _FLAT = 0.1
 
 
 def luminance(rgb: UInt8[Tensor, "n height width 3"]) -> Float[Tensor, "n height width"]:
     """Return brightness in [0, 1]."""
-    return rgb.float() @ rgb.new_tensor(_LUMINANCE, dtype=torch.float32) / 255
+    return rgb.float() @ rgb.new_tensor(LUMINANCE, dtype=torch.float32) / 255
 
 
 def describe(gray: Float[Tensor, "n size size"], masks: Bool[Tensor, "n size size"]) -> Float[Tensor, "n dimensions"]:

@@ -10,9 +10,9 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from simpick.estimators.luminance import LUMINANCE
 from simpick.estimators.raypose.network.encoders.feature_maps import FeatureMaps
 
-_LUMINANCE = (0.299, 0.587, 0.114)
 CHANNELS = 5
 """Of `orientation_channels`."""
 
@@ -26,7 +26,7 @@ def orientation_channels(
     angles do not distinguish dark-to-light edges from light-to-dark ones, since that depends on the lights.
     """
     mask = masks[:, None]
-    gray = torch.einsum("bcyx,c->byx", rgb, rgb.new_tensor(_LUMINANCE))[:, None]
+    gray = torch.einsum("bcyx,c->byx", rgb, rgb.new_tensor(LUMINANCE))[:, None]
     area = mask.sum(dim=(2, 3), keepdim=True).clamp_min(1.0)
     mean = (gray * mask).sum(dim=(2, 3), keepdim=True) / area
     variance = ((gray - mean).square() * mask).sum(dim=(2, 3), keepdim=True) / area
