@@ -22,7 +22,7 @@ def pipe_tee() -> Part:
     bores = (s.along_x(s.cylinder(7.5, -31, 31)), s.cylinder(7.5, 0, 33))
     solid = s.cut(s.union(run, branch), *bores)
     walls = [s.along_x(w) for w in s.ring_pieces(s.round_outline(10.6), 7.5, -28, 28, segments=4, start_deg=-45.0)]
-    # The branch opens into the run's upper wall, the one that lies wholly above the axis.
+    # The branch opens into the run's upper wall, which is entirely above the axis.
     upper = next(wall for wall in walls if wall.bounding_box()[2] > 0)
     walls.remove(upper)
     walls += [upper.trim_by_plane((1.0, 0.0, 0.0), 7.5), upper.trim_by_plane((-1.0, 0.0, 0.0), 7.5)]

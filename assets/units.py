@@ -22,7 +22,7 @@ class UnitChoice:
     unit: str
     metres_per_unit: float
     note: str
-    """One sentence for the person who brought the file."""
+    """One sentence for the user who provided the file."""
 
 
 def choose_unit(longest_side: float, unit: str = "auto", *, file: str = "the file") -> UnitChoice:

@@ -20,11 +20,11 @@ from simpick.scene import SceneConfig
 from simpick.scene.workspace import tcp_workspace
 
 SUCCESS_REWARD = 1.0
-"""For each part delivered."""
+"""Per part delivered."""
 ATTEMPT_COST = 0.1
 """For an attempt that delivered nothing."""
 COLLISION_COST = 0.1
-"""On top, for an attempt that ended in a collision."""
+"""In addition, for an attempt that ended in a collision."""
 
 ABSTAINED = PickResult(PickOutcome.NO_GRASP, "the action abstained")
 """The result of an all-zero action."""
@@ -143,8 +143,8 @@ class BinPickEnv(BinEnv, EzPickle):
         self.on_stage: Any = None
         """Called with a stage's name as the arm enters it; for recording."""
         self.on_look: Callable[[CameraFrame, np.ndarray], np.ndarray | None] | None = None
-        """Asked with the wrist camera's image and the T_world_tcp aimed at, when the arm stands over the bin before it
-        descends. Returns a corrected T_world_tcp, or None to keep it; what is far off or out of reach is not taken."""
+        """Called with the wrist camera's image and the target T_world_tcp when the arm rests over the bin, before it
+        descends. Returns a corrected T_world_tcp, or None to keep it; a pose far off or out of reach is ignored."""
         self._max_consecutive_failures = max_consecutive_failures
         self._max_picks = max_picks
 

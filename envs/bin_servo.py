@@ -31,13 +31,13 @@ from simpick.scene import SceneConfig
 from simpick.scene.robot import ARM_PREFIX
 
 TICK_HZ = 20
-"""Steps of the environment in a second of simulated time."""
-PERIODS_A_TICK = 5
-"""Joint commands in one tick."""
+"""Steps of the environment per second of simulated time."""
+PERIODS_PER_TICK = 5
+"""Joint commands per tick."""
 DELIVERY_REWARD = 1.0
-"""For each part delivered."""
+"""Per part delivered."""
 COLLISION_COST = 0.01
-"""For each tick in which arm or gripper pressed on bin, chute or table above `MotionConfig.collision_force_n`."""
+"""Per tick in which arm or gripper pressed on bin, chute or table above `MotionConfig.collision_force_n`."""
 FAST_IMAGES = RenderQuality(shadow_map_px=0, samples=0)
 """Without shadows and anti-aliasing: a fifth of the cost on a software renderer."""
 _STILL_SPEED_M_S = 0.01
@@ -202,8 +202,8 @@ class BinServoEnv(BinEnv, EzPickle):
         self._actuators = np.array([scene.model.actuator(ARM_PREFIX + n).id for n in self.robot.joint_names])
         self._tcp = scene.model.site(self._gripper.tcp_site).id
         # A tick is whole simulation steps, as evenly spread over its periods as they go.
-        total = max(PERIODS_A_TICK, round(1.0 / (TICK_HZ * scene.model.opt.timestep)))
-        self._steps = np.diff(np.linspace(0, total, PERIODS_A_TICK + 1).astype(int)).tolist()
+        total = max(PERIODS_PER_TICK, round(1.0 / (TICK_HZ * scene.model.opt.timestep)))
+        self._steps = np.diff(np.linspace(0, total, PERIODS_PER_TICK + 1).astype(int)).tolist()
         kinematics = Kinematics(self.robot, self._gripper.T_base_tcp)
         self._arm_servo = TwistServo(kinematics, self.robot.home_qpos, self._motion.joint_speed_rad_s, SERVO_WORKSPACE)
         self._gripper_servo = self._gripper.servo()

@@ -121,7 +121,7 @@ def atomic_path(target: Path) -> Iterator[Path]:
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
             temporary = target.parent / f".{target.stem}-{uuid.uuid4().hex}{target.suffix}"
-            # Not tempfile.mkstemp, whose files nobody but their owner may read.
+            # Not tempfile.mkstemp, whose files only their owner may read.
             temporary.touch(exist_ok=False)
         except OSError as error:
             raise OutputError(

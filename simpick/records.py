@@ -84,7 +84,7 @@ class PickOutcome(StrEnum):
     NO_GRASP = "no_grasp"
     """Parts were seen, but every grasp was filtered out."""
     UNREACHABLE = "unreachable"
-    """Inverse kinematics found no way to the commanded TCP pose."""
+    """The motion planner found no motion to the commanded TCP pose."""
     COLLISION = "collision"
     """Arm or gripper hit the bin, or was stopped by parts on the way."""
     MISSED = "missed"

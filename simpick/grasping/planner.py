@@ -44,11 +44,11 @@ class PlannerConfig(Config):
     side_clearances_m: Annotated[tuple[NonNegativeFloat, ...], MinLen(1)] = (0.006, 0.003)
     """Free space between each open finger and the target; a later entry only where an earlier one does not fit."""
     most_points_touched: int = 12
-    """Where parts lie entangled, the gripper may brush others: at most this many of the 700 points drawn on each part
-    may lie in its way. Parts yield; a solid hit would cover far more."""
+    """Where parts are entangled, the gripper may touch others: at most this many of the 700 points drawn on each part
+    may be in its way. Parts yield; a solid hit would cover far more points."""
     touching_factor: float = 0.05
-    """Worth of a grasp that brushes other parts, against a free one, divided again by 1 + the points touched: it is
-    tried when nothing else is left."""
+    """Quality factor of a grasp that touches other parts, divided again by 1 + the points touched: it is tried when
+    no free grasp is left."""
     approach_m: float = 0.08
     """Length of the straight approach that must be free."""
     grasps_per_target: PositiveInt = 6
@@ -67,7 +67,7 @@ class WorldGrasp:
     target: int
     """Index of the part among those given to `GraspPlanner.plan`."""
     opening_m: float
-    """Opening on the way in; 0 for grippers without one."""
+    """Opening during the approach; 0 for grippers without one."""
     quality: float
     """What the list is ordered by, in [0, 1]."""
     exposure: float
@@ -116,7 +116,7 @@ class GraspPlanner:
         found: list[WorldGrasp] = []
         for k, part in enumerate(parts):
             others = np.concatenate([c for j, c in enumerate(clouds) if j != k] or [np.zeros((0, 3))])
-            # Lower parts come later: what lies on top is never pulled out from under something.
+            # Lower parts come later, so that no part is pulled out from under another.
             height = np.exp(-(top - float(clouds[k][:, 2].max())) / 0.08)
             weight = (0.1 + 0.9 * open_share[k] ** 2) * (0.6 + 0.4 * height)
             if scores is not None:

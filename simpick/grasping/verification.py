@@ -64,7 +64,7 @@ class GraspBench:
             mujoco.mj_step(self.model, self.data)
             if step % 10 == 9:
                 self.gripper.maintain(self.model, self.data)
-            # Looking a few times a second ends hopeless trials early.
+            # Checking several times per second ends failed trials early.
             if step % 40 == 39 and self._moved(before)[0] > self.config.slip_limit_m:
                 return 0.0
         slip, turn = self._moved(before)

@@ -54,9 +54,9 @@ class PickExecutor:
         self.on_step = on_step
         self.on_stage = on_stage
         self.on_look: Callable[[Float[np.ndarray, "4 4"]], Float[np.ndarray, "4 4"] | None] | None = None
-        """Asked over the bin, before the descent, with the TCP pose that is aimed at; a pose in answer is aimed at
-        instead if it is near and can be reached. The arm rests there in any case, and the wrist camera sees the part
-        whole between the fingers; lower down the gripper begins to hide it."""
+        """Called over the bin, before the descent, with the target TCP pose; a returned pose replaces it if it is near
+        and within reach. The arm rests there in any case, and the wrist camera sees the whole part between the
+        fingers; lower down the gripper begins to occlude it."""
         self.planner = PickPlanner(scene.config, self.config)
         self._gripper = scene.gripper
         model = scene.model
@@ -72,7 +72,7 @@ class PickExecutor:
 
     @property
     def stage(self) -> str:
-        """Return the stage of the pick under way, or the last one of the pick before; for `on_step`."""
+        """Return the stage of the present pick, or the last stage of the previous one; for `on_step`."""
         return self._evidence.stages[-1] if self._evidence.stages else "home"
 
     # -- the pick -----------------------------------------------------------------------------------------------
@@ -256,7 +256,7 @@ class PickExecutor:
     # -- moving -------------------------------------------------------------------------------------------------
 
     def _run(self, trajectory: Trajectory, carrying: bool = False, watch: bool = True) -> Obstruction | None:
-        """Follow a trajectory to its end, or until something is in the way: then stop and return what it is.
+        """Follow a trajectory to its end, or until something blocks the arm: then stop and return it.
 
         While `carrying`, a lost part is noted with its place; the motion continues.
         """
@@ -298,7 +298,7 @@ class PickExecutor:
             self.on_step(scene)
 
     def _settle(self) -> None:
-        """Wait at home until the parts lie still."""
+        """Wait at home until the parts are at rest."""
         still = 0
         for _ in range(round(self.config.settle_s / self._period_s)):
             still = still + 1 if self._monitor.still(_STILL_SPEED) else 0

@@ -17,14 +17,14 @@ _LOST_TICKS = 4
 
 @dataclass(frozen=True)
 class Obstruction:
-    """Something stands in the arm's way."""
+    """Something blocks the arm."""
 
     cause: str
     """Description of the obstruction."""
 
 
 class Monitor:
-    """Watches one scene; `look` is called once every control period."""
+    """Reads the contacts of one scene; `look` is called once per control period."""
 
     def __init__(self, scene: Scene, config: MotionConfig) -> None:
         assert scene.gripper is not None

@@ -28,7 +28,7 @@ _PROBE_FRACTION = 0.015
 
 @dataclass(frozen=True, eq=False)
 class PickPlan:
-    """The way to a grasp; what follows the grasp is planned from where the arm then stands."""
+    """The motion to a grasp; what follows is planned from the arm's configuration at that time."""
 
     T_world_grasp: Float[np.ndarray, "4 4"]
     """The chosen one of the equivalent TCP poses."""
@@ -42,7 +42,7 @@ class PickPlan:
 
 @dataclass(frozen=True)
 class NoPlan:
-    """Why there is no way to a grasp."""
+    """Why there is no motion to a grasp."""
 
     cause: str
 
@@ -60,7 +60,7 @@ class PickPlanner:
         self.collision = CellCollision(config, self.robot)
 
     def plan(self, T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float) -> PickPlan | NoPlan:
-        """Return the quickest way from home to the TCP pose with the gripper opened to `opening_m`.
+        """Return the fastest motion from home to the TCP pose with the gripper opened to `opening_m`.
 
         Orientations that make the same grasp compete: both of a jaw's, eight turns of a suction head about its axis.
         """
@@ -92,7 +92,7 @@ class PickPlanner:
         if found is not None:
             return NoPlan(f"at the grasp, {found}")
 
-        # Traced from the grasp outwards: the way in is the way out reversed, on the same branch.
+        # Traced from the grasp outwards: the approach is the retreat reversed, on the same branch.
         T_world_end, probe = T_world_grasp, None
         if self.gripper.press_m > 0:
             T_world_end = _shifted(T_world_grasp, -0.004)
@@ -125,7 +125,7 @@ class PickPlanner:
     def lift(
         self, q: Float[np.ndarray, "joints"], height_m: float | None = None, fraction: float = 1.0
     ) -> PathTrajectory | None:
-        """Return the straight way up from joint angles `q` to `height_m`, or as high as the arm reaches.
+        """Return the straight lift from joint angles `q` to `height_m`, or as high as the arm reaches.
 
         None where the TCP is up there already or the arm cannot rise at all.
         """
@@ -144,9 +144,9 @@ class PickPlanner:
         return None
 
     def drop_pose(self, q: Float[np.ndarray, "joints"]) -> Float[np.ndarray, "joints"]:
-        """Return the joint angles over the chute, tool down, for the quickest way there from `q` and then home.
+        """Return the joint angles over the chute, tool down, for the fastest motion there from `q` and then home.
 
-        Ways that are free of the cell come first. Raises ConfigError where the arm does not reach up there at all.
+        Collision-free motions come first. Raises ConfigError where the arm does not reach that pose.
         """
         home = self.robot.home_qpos
         target = np.array([CHUTE_CENTRE_M[0], CHUTE_CENTRE_M[1], CHUTE_CENTRE_M[2] + self.motion.release_height_m])

@@ -9,7 +9,7 @@ from simpick.records import PickOutcome
 
 @dataclass
 class Evidence:
-    """Notes of one pick, taken as it goes."""
+    """Observations during one pick."""
 
     in_bin: tuple[int, ...]
     """Instances in the bin before."""
@@ -20,11 +20,11 @@ class Evidence:
     stages: list[str] = field(default_factory=list)
     """Stages begun, in order."""
     unreachable: str | None = None
-    """Why there was no way to the grasp."""
+    """Why no motion to the grasp was found."""
     collision: str | None = None
     """What stopped the arm, and where."""
     nothing_gripped: str | None = None
-    """How the gripper found nothing."""
+    """How the gripper closed without a part."""
     gripped: tuple[int, ...] = ()
     """Instances held after closing."""
     lifted: tuple[int, ...] = ()
@@ -52,9 +52,9 @@ class Verdict:
 
 
 def judge(evidence: Evidence) -> Verdict:
-    """Return the outcome by where the parts ended; how it came to it is the cause.
+    """Return the outcome, by where the parts ended, and its cause.
 
-    What counts first, in this order: a diverged simulation; no way to the grasp; more than one part carried away; a
+    Order of precedence: a diverged simulation; no motion to the grasp; more than one part carried away; a
     part that sticks to the gripper; parts pushed out, or into the chute; one delivered; collision; the gripped part
     lost; nothing gripped.
     """

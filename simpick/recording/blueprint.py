@@ -24,7 +24,7 @@ _FAILURE_COLOURS = {
     PickOutcome.SIMULATION_FAULT: 0xB71C1CFF,
 }
 OUTCOME_COLOURS: Mapping[PickOutcome, int] = {PickOutcome.SUCCESS: 0x43A047FF, **_FAILURE_COLOURS}
-"""RGBA of each outcome: green for success, a colour of its own for each way to fail."""
+"""RGBA of each outcome: green for success, one colour per kind of failure."""
 
 _BACKGROUND = (24, 27, 32)
 _LEGEND = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)

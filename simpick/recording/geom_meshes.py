@@ -136,7 +136,7 @@ def _model_mesh(model: mujoco.MjModel, mesh: int, rgba: tuple[float, float, floa
     vertices, normals, faces = split_at_creases(welded)
     if int(model.mesh_texcoordadr[mesh]) < 0:
         return GeomMesh(vertices, normals, faces, rgba)
-    # Positions and texture coordinates are indexed apart; viewers want one index for both.
+    # Positions and texture coordinates are indexed apart; viewers need one index for both.
     texcoords = piece(model.mesh_texcoord, model.mesh_texcoordadr, model.mesh_texcoordnum).astype(float)
     texcoord_of_corner = piece(model.mesh_facetexcoord, model.mesh_faceadr, model.mesh_facenum)
     corners = np.stack([faces, texcoord_of_corner], axis=-1).reshape(-1, 2)

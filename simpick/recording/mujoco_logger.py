@@ -139,7 +139,7 @@ def log_mujoco_model(
     """Log a model's geometry and present state, and return the logger that follows its motion.
 
     ``data`` must have its kinematics up to date (`mujoco.mj_forward`). Go on with ``logger.tick(data, Instant(...))``
-    as often as wanted and ``logger.flush()`` now and then, at the latest before the recording is closed.
+    as often as needed and ``logger.flush()`` from time to time, at the latest before the recording is closed.
     """
     logger = MujocoLogger(stream, model, root=root, groups=groups)
     logger.log_static(data)

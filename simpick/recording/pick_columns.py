@@ -13,7 +13,7 @@ import rerun as rr
 from simpick.records import PickOutcome, PickRecord, PoseError
 
 RECORD_PATH = "/pick/record"
-"""Entity with the fields of a record that are not plotted, one component a field."""
+"""Entity with the fields of a record that are not plotted, one component per field."""
 OUTCOME_PATH = "/pick/outcome"
 """Entity whose state is the outcome, from the pick's beginning on."""
 POSE_ERROR_PATHS: Mapping[str, str] = {name: f"/pose_error/{name}" for name in PoseError.__dataclass_fields__}

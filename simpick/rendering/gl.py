@@ -63,7 +63,7 @@ def requested_backend() -> str | None:
 def refuse_unknown_backend() -> None:
     """Raise RenderingUnavailableError if ``MUJOCO_GL`` is no name at all.
 
-    MuJoCo itself fails on it, with a bare RuntimeError and already while it is imported; so this comes before that.
+    MuJoCo itself fails on it, with a bare RuntimeError and already on import, so this is checked first.
     """
     value = _environment()
     if value not in (*_AUTOMATIC, *_DISABLED, *_SPELLINGS):

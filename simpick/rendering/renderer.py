@@ -71,9 +71,9 @@ class Rendering:
 
     rgb: UInt8[np.ndarray, "height width 3"] | None
     depth_m: Float32[np.ndarray, "height width"] | None
-    """Distance along the optical axis in metres; 0 where nothing is."""
+    """Distance along the optical axis in metres; 0 in the background."""
     geoms: Int32[np.ndarray, "height width"] | None
-    """MuJoCo's geom id; -1 where nothing is."""
+    """MuJoCo's geom id; -1 in the background."""
 
 
 class Renderer:

@@ -63,7 +63,7 @@ class SceneRenderer:
         colour = np.zeros((pinhole.height, pinhole.width, 3), np.uint8) if image.rgb is None else image.rgb
         ids = None
         if image.geoms is not None:
-            # The last entry is where geom id -1 (nothing) leads.
+            # The last entry is that of geom id -1, the background.
             ids = np.append(self.scene.instance_of_geom, -1).astype(np.int32)[image.geoms]
         return CameraFrame(colour, pinhole, T_world_camera, image.depth_m, ids)
 

@@ -46,7 +46,7 @@ def measure_visibility(renderer: SceneRenderer, camera: str = "overhead") -> tup
     """Return the visibility of every instance in front of the camera that projects into or near the image.
 
     One pass counts the visible pixels; then each instance is drawn alone, on the same pixel grid, in a window that
-    just holds it: one small draw each. Instances wholly outside the image are left out.
+    just holds it: one small draw each. Instances outside the image are left out.
     """
     frame = renderer.capture(camera, rgb=False, depth=False)
     assert frame.instances is not None
@@ -75,7 +75,7 @@ def measure_instance(
 ) -> Visibility | None:
     """Return the visibility of one instance of which `visible_px` pixels are seen, by drawing it alone.
 
-    None where it is not in front of the camera, or wholly outside the image.
+    None where it is not in front of the camera, or outside the image.
     """
     model, data = renderer.scene.model, renderer.scene.data
     geoms = np.flatnonzero((renderer.scene.instance_of_geom == instance) & (model.geom_group < 3))

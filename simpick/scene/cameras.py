@@ -14,7 +14,7 @@ from simpick.scene.config import CameraConfig, SceneConfig
 from simpick.scene.workspace import BIN_CENTRE_M
 
 OVERHEAD, WRIST, OVERVIEW = "overhead", "wrist", "overview"
-"""Names of the cameras: above the bin (image up is world +x, image right is world -y), on the hand, for people."""
+"""Names of the cameras: above the bin (image up is world +x, image right is world -y), on the hand, for display."""
 
 _OVERVIEW_EYE_M = np.array([1.45, -1.05, 0.95])
 _OVERVIEW_TARGET_M = np.array([0.30, -0.12, 0.17])
@@ -40,7 +40,7 @@ def add_wrist_camera(body: mujoco.MjsBody, T_body_flange: Float[np.ndarray, "4 4
     T_flange_camera = look_at(_WRIST_EYE_M, _WRIST_TARGET_M, up=np.array([0.0, -1.0, 0.0]))
     T_body_camera = T_body_flange @ T_flange_camera
     _add(body, WRIST, T_body_camera, config)
-    # Housing and bracket, for people to see; they end just behind the lens and touch nothing.
+    # Housing and bracket, for display only: they end just behind the lens and touch nothing.
     T_body_housing = T_body_camera @ transform(translation=np.array([0.0, 0.0, -0.022]))
     _add_look(body, "wrist_camera/housing", T_body_housing, (0.022, 0.016, 0.018))
     T_body_bracket = T_body_flange @ transform(translation=np.array([0.0, -0.045, 0.012]))

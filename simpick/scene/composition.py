@@ -21,10 +21,10 @@ from simpick.scene.randomization import RANDOMIZATIONS, Look, PartTint, draw_loo
 from simpick.scene.robot import mount_robot
 from simpick.scene.workspace import bin_zone
 
-# Each use of randomness has its own stream, so that a change of looks leaves the physics as it was.
+# Each use of randomness has its own stream, so that a change of looks does not change the physics.
 _PARTS_STREAM, _LOOK_STREAM, _DROP_STREAM = 0, 1, 2
 
-# Share of a heap's volume that the convex hulls of loosely poured parts can fill, at best.
+# Largest share of a pile's volume that the convex hulls of loosely poured parts can fill.
 _PACKING = 0.65
 
 
@@ -50,7 +50,7 @@ def drop_generator(seed: int) -> np.random.Generator:
 
 
 def check_fit(parts: Sequence[Part], bin: BinConfig) -> None:
-    """Raise SceneError where a part is too large for the bin, whichever way it lies."""
+    """Raise SceneError where a part is too large for the bin in any orientation."""
     room = np.sort([bin.length_m, bin.width_m, bin.depth_m])
     for part in parts:
         if np.any(np.sort(part.extents_m) > 0.95 * room):
@@ -63,7 +63,7 @@ def check_fit(parts: Sequence[Part], bin: BinConfig) -> None:
 
 
 def check_capacity(parts: Sequence[Part], bin: BinConfig) -> None:
-    """Raise SceneError where so many parts cannot lie in the bin even if they were packed well."""
+    """Raise SceneError where this many parts do not fit into the bin even if packed well."""
     wanted = sum(part.mesh.convex_hull.volume for part in parts) / _PACKING
     room = float(np.prod(bin_zone(bin).size_m))
     if wanted > room:
@@ -81,7 +81,7 @@ def compose_scene(config: SceneConfig, parts: Sequence[Part], seed: int) -> mujo
 
 
 def compose_with_look(config: SceneConfig, parts: Sequence[Part], look: Look) -> mujoco.MjSpec:
-    """Return the whole cell as `compose_scene` does, in a look of one's own; ``config.randomization`` is not read."""
+    """Return the whole cell as `compose_scene` does, with a given look; ``config.randomization`` is not read."""
     spec = _compose_cell(config, look)
     add_lighting(spec, look)
     add_fixed_cameras(spec, config, look.T_camera_jittered)
@@ -93,7 +93,7 @@ def compose_with_look(config: SceneConfig, parts: Sequence[Part], look: Look) ->
 
 
 def compose_settling(config: SceneConfig, parts: Sequence[Part]) -> mujoco.MjSpec:
-    """Return the cell without arm, cameras and looks: what parts are dropped in."""
+    """Return the cell without arm, cameras and looks, into which parts are dropped."""
     plain = draw_look(RANDOMIZATIONS["none"], len(parts), np.random.default_rng(0))
     spec = _compose_cell(config, plain)
     for k, part in enumerate(parts):
@@ -106,7 +106,7 @@ def _compose_cell(config: SceneConfig, look: Look) -> mujoco.MjSpec:
     spec.modelname = "simpick"
     spec.compiler.degree = False
     apply_physics(spec, config.physics)
-    # Fifty parts in a heap make a few thousand contact rows; the default arena would overflow.
+    # Fifty parts in a pile make a few thousand contact rows; the default arena would overflow.
     spec.memory = 256 * 2**20
     add_arena(spec, config.bin, config.physics, look.table_texture, look.bin_texture)
     return spec

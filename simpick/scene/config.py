@@ -69,7 +69,7 @@ class SceneConfig(Config):
     wrist: CameraConfig = CameraConfig(640, 480, 58.0)
     """The camera on the hand."""
     overview: CameraConfig = CameraConfig(640, 480, 42.0)
-    """The camera for people: arm, bin and chute."""
+    """The camera for display: arm, bin and chute."""
     randomization: str = "default"
     """Name of a preset in `randomization.RANDOMIZATIONS`: how much looks vary with the seed."""
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)

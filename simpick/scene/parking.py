@@ -1,4 +1,4 @@
-"""Taking parts out of the way: a parked part is welded to a place of its own, far from the cell, and sleeps.
+"""Removing parts: a parked part is welded to its own place, far from the cell, and sleeps.
 
 A weld is part of the simulation's state (`eq_active`), so that parking never changes the model. The places lie
 beyond the far clipping plane of every camera.

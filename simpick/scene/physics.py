@@ -34,7 +34,7 @@ class PhysicsConfig(Config):
 
 
 def apply_physics(spec: mujoco.MjSpec, physics: PhysicsConfig) -> None:
-    """Set the options of `spec`: elliptic friction cones, implicitfast, and what `physics` says."""
+    """Set the options of `spec`: elliptic friction cones, implicitfast, and those in `physics`."""
     option = spec.option
     option.timestep = physics.timestep_s
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC

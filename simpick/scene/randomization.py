@@ -1,4 +1,4 @@
-"""How much the look of a scene varies with the seed, and the look that one seed gives.
+"""Variation of the look of a scene with the seed, and the look of one seed.
 
 Looks never touch the physics: the same seed drops the same parts into the same places under every preset.
 """
@@ -29,7 +29,7 @@ class Randomization:
     light_tint: float = 0.0
     """Largest relative change of each lamp's red, green and blue."""
     ambient: tuple[float, float] = (0.27, 0.27)
-    """Brightness of the light that comes from everywhere."""
+    """Brightness of the ambient light."""
     part_hue: float = 0.0
     """Largest change of a part's hue, in turns; every instance has its own."""
     part_value: float = 0.0
@@ -113,7 +113,7 @@ class PartTint:
         """Return `rgb` in [0, 1] with hue and brightness changed."""
         hue, saturation, value = colorsys.rgb_to_hsv(*rgb)
         if abs(self.hue_turns) > 0.1:
-            # A grey part has no hue to turn: strong changes also give it some colour.
+            # A grey part has no hue to shift: strong changes also give it some colour.
             saturation = max(saturation, min(1.0, abs(self.hue_turns)))
         return colorsys.hsv_to_rgb((hue + self.hue_turns) % 1.0, saturation, min(value * self.value_factor, 1.0))
 

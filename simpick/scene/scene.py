@@ -137,7 +137,7 @@ class Scene:
         )
 
     def parts_in_bin(self) -> tuple[int, ...]:
-        """Return the instances whose centre lies in the bin, or on the heap up to 6 cm over its rim."""
+        """Return the instances whose centre lies in the bin, or on the pile up to 6 cm above its rim."""
         return self._where(bin_zone(self.config.bin).contains(self.positions_m))
 
     def parts_in_chute(self) -> tuple[int, ...]:
@@ -215,7 +215,7 @@ class Scene:
         self.update_kinematics()
 
     def go_home(self) -> None:
-        """Put arm and gripper into their rest pose at once, without simulating the way there."""
+        """Set arm and gripper to their rest pose at once, without simulating the motion."""
         if self.robot is not None and self.gripper is not None:
             go_home(self.model, self.data, self.robot, self.gripper)
             self.update_kinematics()
@@ -269,7 +269,7 @@ class Scene:
 
     def _restore(self, state: Float[np.ndarray, "state"], sleep: dict[str, np.ndarray]) -> None:
         mujoco.mj_setState(self.model, self.data, state, STATE)
-        # All awake, so that the poses of sleeping parts are computed too; that spoils the warm start, hence twice.
+        # All awake, so that the poses of sleeping parts are computed too. This invalidates the warm start, hence twice.
         wake_all(self.model, self.data)
         mujoco.mj_setState(self.model, self.data, state, STATE)
         restore_sleep_state(self.data, sleep)

@@ -1,4 +1,4 @@
-"""Filling the bin: parts fall in layers, in random places and orientations, until all lie still inside."""
+"""Filling the bin: parts fall in layers, at random positions and orientations, until all rest inside."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Settled:
 
 
 def settle(config: SceneConfig, parts: Sequence[Part], rng: np.random.Generator) -> Settled:
-    """Drop every part into the bin and wait until all lie still, inside, and not inside each other.
+    """Drop every part into the bin and wait until all rest inside it and do not overlap.
 
     The arm stays out of it: it is far from the bin, and parts alone are quicker to simulate. Raises SceneError if
     some parts do not stay in the bin.
@@ -100,10 +100,10 @@ class _Dropping:
         )
 
     def _drop_layer(self, waiting: list[int]) -> list[int]:
-        """Release waiting parts side by side above the heap, at random places; return those still waiting."""
+        """Release waiting parts side by side above the pile, at random positions; return those still waiting."""
         room = bin_interior(self._config.bin)
-        heap = [float(self._data.qpos[7 * k + 2] + self._radius[k]) for k in np.flatnonzero(self._inside)]
-        top = max([0.0, *heap])
+        pile = [float(self._data.qpos[7 * k + 2] + self._radius[k]) for k in np.flatnonzero(self._inside)]
+        top = max([0.0, *pile])
         placed: list[tuple[np.ndarray, float]] = []
         rest: list[int] = []
         for k in waiting:

@@ -18,7 +18,7 @@ CHUTE = BinConfig(length_m=0.22, width_m=0.22, depth_m=0.10, wall_m=0.006)
 TABLE_Z_M = -0.008
 """Height of the table's top: the underside of a bin with the default wall."""
 PILE_HEADROOM_M = 0.06
-"""Parts that lie on the pile may stand out over the bin's rim by this much and still count as in the bin."""
+"""Parts on the pile may protrude above the bin's rim by this much and still count as in the bin."""
 
 
 @dataclass(frozen=True)
@@ -53,12 +53,12 @@ def _over_floor(centre: tuple[float, float, float], bin: BinConfig, z_lower: flo
 
 
 def bin_interior(bin: BinConfig) -> Box:
-    """Return the bin's hollow, from floor to rim."""
+    """Return the bin's interior, from floor to rim."""
     return _over_floor(BIN_CENTRE_M, bin, 0.0, bin.depth_m)
 
 
 def bin_zone(bin: BinConfig) -> Box:
-    """Return where a part's centre lies while the part counts as in the bin: the hollow and some headroom."""
+    """Return where a part's centre lies while the part counts as in the bin: the interior and some headroom."""
     return _over_floor(BIN_CENTRE_M, bin, -0.01, bin.depth_m + PILE_HEADROOM_M)
 
 

@@ -1,10 +1,9 @@
 """Jaw grasps on a CAD mesh: antipodal pairs, approach directions, depth, clearance and a first quality.
 
 A pair of surface points is antipodal if the line between them lies inside the friction cones of both (Nguyen 1988).
-Each pair gives a closing axis; approaches are spread around it, and for every way in which the part rests on a floor
-one is added that comes straight down on it. The grasp is then placed as deep as it goes without the fingertips
-reaching past the part or into that floor, centred on what the pads will really touch, and kept if the open fingers
-and the palm miss the part.
+Each pair gives a closing axis; approaches are spread around it, and one straight down is added per resting pose of the
+part on a floor. The grasp is then placed as deep as possible without the fingertips reaching past the part or into
+that floor, centred on the surface that the pads will touch, and kept if the open fingers and the palm miss the part.
 """
 
 from __future__ import annotations
@@ -55,11 +54,11 @@ class AntipodalSampling:
     least_patch_m2: float = 6e-6
     """Least touching area on each side."""
     candidates: int = 60
-    """How many diverse grasps are kept for verification, wherever they approach from."""
+    """How many diverse grasps are kept for verification, over all approaches."""
     candidates_per_floor: int = 40
-    """And how many more for each way in which the part comes to rest."""
+    """How many more are kept per resting pose of the part."""
     candidates_at_most: int = 320
-    """But not more than this."""
+    """Upper limit of the grasps kept."""
     spacing_m: float = 0.006
     """Least distance between two kept grasps (`simpick.assets.grippers.sampling.selection.pose_distance`)."""
 
@@ -110,7 +109,7 @@ def _frame(point: Float[np.ndarray, "3"], axis: Float[np.ndarray, "3"], angle: f
 def _frame_onto(
     point: Float[np.ndarray, "3"], axis: Float[np.ndarray, "3"], up: Float[np.ndarray, "3"]
 ) -> Float[np.ndarray, "4 4"]:
-    """Return T_part_tcp at `point` that closes along `axis` and comes down against `up` as straight as it can."""
+    """Return T_part_tcp at `point` that closes along `axis` and approaches against `up` as straight as possible."""
     z = axis * (axis @ up) - up
     z /= np.linalg.norm(z)
     return transform(np.stack([axis, np.cross(z, axis), z], axis=-1), point)

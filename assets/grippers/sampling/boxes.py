@@ -33,7 +33,7 @@ def box_surface_points(boxes: GripperBoxes, spacing_m: float = 0.012) -> Float[n
     for lower, upper in boxes:
         steps = max(2, int(np.ceil((upper[2] - lower[2]) / spacing_m)) + 1)
         z = np.linspace(lower[2], upper[2], steps)
-        # Filled in place: the planner asks for this tens of thousands of times an episode.
+        # Filled in place: the planner calls this tens of thousands of times per episode.
         edges = np.empty((2, 2, steps, 3))
         edges[:, :, :, 0] = np.array([lower[0], upper[0]])[:, None, None]
         edges[:, :, :, 1] = np.array([lower[1], upper[1]])[:, None]

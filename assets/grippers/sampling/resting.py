@@ -14,7 +14,7 @@ _SAME_COSINE = np.cos(np.radians(10.0))
 
 
 def resting_floors(part: Part) -> Float[np.ndarray, "poses 4"]:
-    """Return floor planes (n, d) in the part frame, likeliest first: points p of the part fulfil n . p >= d.
+    """Return floor planes (n, d) in the part frame, most likely first: points p of the part fulfil n . p >= d.
 
     n points up. Poses that a symmetry of the part maps onto each other count once, as do those of a round side that
     differ by less than 10 degrees. The least likely three per cent of throws are left out.

@@ -1,7 +1,7 @@
 """Suction grasps on a CAD mesh: places where enough cells of the suction head's face find surface.
 
-The face is laid on sampled surface points, square to the surface there. A ray from each cell measures how deep the
-part lies under it; what lies within the foam's reach of the highest place covers its cell. The number of covered cells
+The face is laid on sampled surface points, square to the surface there. A ray from each cell measures the depth of
+the part under it; surface within the foam's reach of the highest point covers its cell. The number of covered cells
 gives the force, and their centre's distance from the centre of mass the moment that peels the face off.
 """
 
@@ -47,13 +47,13 @@ class SuctionSampling:
     largest_peel: float = 0.8
     """Largest moment of the part's weight, as a share of what the covered cells resist."""
     candidates: int = 30
-    """How many diverse grasps are kept for verification, wherever they approach from."""
+    """How many diverse grasps are kept for verification, over all approaches."""
     candidates_per_floor: int = 8
-    """And how many more from above for each way in which the part comes to rest."""
+    """How many more are kept from above per resting pose of the part."""
     candidates_at_most: int = 90
-    """But not more than this."""
+    """Upper limit of the grasps kept."""
     steepness_deg: float = 47.0
-    """Largest angle from the vertical of those."""
+    """Largest angle from the vertical of those from above."""
     spacing_m: float = 0.005
     """Least distance between two kept grasps."""
 
