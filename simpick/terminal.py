@@ -25,7 +25,7 @@ _Item = TypeVar("_Item")
 class Console(rich_console.Console):
     """The terminal, or a file in its place."""
 
-    def line(self, text: str) -> None:
+    def print_line(self, text: str) -> None:
         """Print text that only the terminal wraps, so that a path can be copied."""
         self.print(text, soft_wrap=True)
 

@@ -48,7 +48,7 @@ class Ablate(TrainingOptions):
         results = [ablations.measure_untrained(ablation)] if is_paper else []
         for name in names:
             variant = by_name[name]
-            console.line(f"{variant.label}: {self.out / name}")
+            console.print_line(f"{variant.label}: {self.out / name}")
             with TrainProgress(budget, console) as progress:
                 ablation.run(variant, progress.show)
             if is_paper:
@@ -61,5 +61,5 @@ class Ablate(TrainingOptions):
         plot = self.out / f"{self.what}.png"
         plot_scaling({by_name[name].label: read_log(self.out / name / TrainingFolder.LOG) for name in names}, plot)
         for file in [*files, plot]:
-            console.line(f"written: {file}")
+            console.print_line(f"written: {file}")
         return 0

@@ -42,18 +42,18 @@ class Compare:
         comparison = Comparison.open(self.config, self.out, overwrite=self.execution.overwrite)
         console = Console()
         for line in describe_files(self.config.parts):
-            console.line(line)
+            console.print_line(line)
         try:
             comparison.run(self.execution, console)
         except (SimpickError, KeyboardInterrupt):
             # What stopped the run must be reported, also where the report cannot be written either.
             with suppress(OutputError):
                 if comparison.statistics().bins:
-                    console.line(f"partial report: {write_report(comparison)}")
+                    console.print_line(f"partial report: {write_report(comparison)}")
             raise
         statistics = comparison.statistics()
         causes = causes_table(comparison.failures())
         for table in (*modes_tables(statistics), *differences_tables(statistics), causes):
             console.print(table)
-        console.line(f"report: {write_report(comparison)}")
+        console.print_line(f"report: {write_report(comparison)}")
         return 0

@@ -6,12 +6,20 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from simpick.config import Config, NonNegativeInt, PositiveInt
 from simpick.errors import ConfigError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from simpick.assets.part import Part
+    from simpick.pose_eval.pose_evaluation import PoseEvaluation
+    from simpick.pose_eval.pose_images import PoseImage
+    from simpick.terminal import Console
 
 _OF_DATASET = ("results", "results_out", "split", "camera", "models", "max_images")
 

@@ -11,6 +11,7 @@ import tyro
 from annotated_types import Interval
 
 from simpick.assets.units import Unit
+from simpick.cli.outputs import check_image
 from simpick.config import Config, Fraction, PositiveFloat, PositiveInt
 
 if TYPE_CHECKING:
@@ -66,13 +67,9 @@ class PartsShow(Config):
 
         from simpick.assets import get_part, part_names
         from simpick.caching import atomic_path
-        from simpick.errors import ConfigError, OutputError
         from simpick.rendering.contact_sheet import contact_sheet
 
-        if self.out.suffix.lower() != ".png":
-            raise ConfigError(f"the sheet must be a .png file, got {str(self.out)!r}")
-        if self.out.exists() and not self.overwrite:
-            raise OutputError(f"{self.out} exists already. Choose another file with --out, or pass --overwrite.")
+        check_image(self.out, overwrite=self.overwrite)
         parts = [get_part(name) for name in self.parts or part_names()]
         labels = [f"{part.name}\n{_extents(part)} mm, {part.mass_kg * 1e3:.0f} g" for part in parts]
         sheet = contact_sheet(parts, labels, columns=self.columns, cell_px=self.cell_px)

@@ -8,6 +8,7 @@ from typing import Annotated
 
 from annotated_types import Interval, MinLen
 
+from simpick.cli.outputs import check_image
 from simpick.config import Config, PositiveInt
 
 
@@ -27,7 +28,9 @@ class RefinerBasin(Config):
     seed: int = 0
     """Seed of the disturbances."""
     out: Path = Path("logs/refiner_basin.png")
-    """The plot to write; an existing file is replaced."""
+    """The plot to write."""
+    overwrite: bool = False
+    """Replace the plot if it exists."""
 
     def run(self) -> int:
         """Measure and plot."""
@@ -36,11 +39,12 @@ class RefinerBasin(Config):
         from simpick.pose_eval.refiner_basin import measure_basin, plot_basin
         from simpick.terminal import Console
 
+        check_image(self.out, overwrite=self.overwrite)
         views = [load_view(bin) for bin in benchmark_bins(self.bins)]
         with Refiner() as refiner:
             points = measure_basin(views, refiner, self.starts_deg, self.depth_percent / 100, self.seed)
         plot_basin(points, self.out)
-        Console().line(f"{len(points)} refinements: {self.out}")
+        Console().print_line(f"{len(points)} refinements: {self.out}")
         return 0
 
 
@@ -61,7 +65,9 @@ class RefinerCalibrate(Config):
     check_bins: PositiveInt = 10
     """How many bins of the pose benchmark to check on, from the first."""
     out: Path = Path("logs/refiner_calibration")
-    """Folder for confidence.json and reliability.png; existing files are replaced."""
+    """Folder for confidence.json and reliability.png."""
+    overwrite: bool = False
+    """Replace these files if they exist."""
 
     def run(self) -> int:
         """Fit, check, write."""
@@ -80,6 +86,7 @@ class RefinerCalibrate(Config):
         )
         from simpick.terminal import Console
 
+        check_image(self.out / "reliability.png", overwrite=self.overwrite)
         check = [load_view(bin) for bin in benchmark_bins(self.check_bins)]
         fit = [random_bin(k, self.parts, self.count) for k in range(self.bins)]
         fitted_on: dict[str, Outcomes] = {}
@@ -112,5 +119,5 @@ class RefinerCalibrate(Config):
         write_confidence(confidence, provenance, self.out / "confidence.json")
         plot_reliability(held_out, confidence, self.out / "reliability.png")
         Console().print(provenance)
-        Console().line(f"written to {self.out}")
+        Console().print_line(f"written to {self.out}")
         return 0

@@ -34,14 +34,16 @@ class Run:
         run = Comparison.open(self.config, self.out, overwrite=self.execution.overwrite)
         console = Console()
         for line in describe_files(self.config.parts):
-            console.line(line)
+            console.print_line(line)
         run.run(self.execution, console)
         console.print(scores_table(self.config, run.results))
-        console.line(f"results: {self.out / 'results.jsonl'}")
+        console.print_line(f"results: {self.out / 'results.jsonl'}")
         if self.execution.record:
             files = [run.recording(result) for result in run.results]
             if recorded := [file for file in files if file is not None]:
-                console.line(f"recordings: open one with: rerun {recorded[0]}")
+                console.print_line(f"recordings: open one with: rerun {recorded[0]}")
             if missing := len(files) - len(recorded):
-                console.line(f"{missing} episodes were run before without --record; --overwrite runs all of them again")
+                console.print_line(
+                    f"{missing} episodes were run before without --record; --overwrite runs all of them again"
+                )
         return 0

@@ -35,11 +35,11 @@ class Sweep:
         comparison = Comparison.open(self.config.comparison(), self.out, overwrite=self.execution.overwrite)
         console = Console()
         for line in describe_files(self.config.parts):
-            console.line(line)
+            console.print_line(line)
         comparison.run(self.execution, console)
         steps = noise_steps(self.config, comparison)
         console.print(steps_table(steps))
         comparison.store.write("sweep.csv", steps_csv(steps))
         plot_steps(steps, self.out / "sweep.png")
-        console.line(f"plot: {self.out / 'sweep.png'}")
+        console.print_line(f"plot: {self.out / 'sweep.png'}")
         return 0

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import tyro
 
+from simpick.cli.outputs import check_image
 from simpick.cli.parts import PartNames
 from simpick.config import Config, PositiveInt
 
@@ -40,16 +41,12 @@ class TemplatesShow(Config):
 
         from simpick.assets import get_part
         from simpick.caching import atomic_write_bytes
-        from simpick.errors import ConfigError, OutputError
         from simpick.rendering import TemplateConfig, load_templates, template_sheet
         from simpick.terminal import Console, progress_bar
 
         config = TemplateConfig(views=self.views, size_px=self.size_px)
-        if self.out.suffix.lower() != ".png":
-            raise ConfigError(f"the sheet must be a .png file, got {str(self.out)!r}")
+        check_image(self.out, overwrite=self.overwrite)
         part = get_part(self.part)
-        if self.out.exists() and not self.overwrite:
-            raise OutputError(f"{self.out} exists already. Choose another file with --out, or pass --overwrite.")
         console = Console()
         start = time.perf_counter()
         with progress_bar(console) as bar:

@@ -67,7 +67,7 @@ class Train(TrainingOptions):
         folder = self.out or Path("logs/train") / f"{self.mode}-{self.size}"
         is_first = Distributed.from_environment(self.resources.device).is_first
         console = Console(quiet=not is_first)
-        console.line(f"training {self.mode} ({self.size}) in {folder}")
+        console.print_line(f"training {self.mode} ({self.size}) in {folder}")
         progress = TrainProgress(budget, console)
         try:
             with progress if is_first else nullcontext():
@@ -88,5 +88,5 @@ class Train(TrainingOptions):
         if is_first:
             log = folder / TrainingFolder.LOG
             for file in [weights, *write_curves(log, recording_id=f"training-{folder.name}")]:
-                console.line(f"written: {file}")
+                console.print_line(f"written: {file}")
         return 0

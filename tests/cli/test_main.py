@@ -102,3 +102,12 @@ def test_the_overview_loads_no_heavy_library() -> None:
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.endswith("\n[]\n")
+
+
+@pytest.mark.parametrize("command", ["refiner basin", "parts show", "templates show hex_bolt"])
+def test_a_command_replaces_an_image_only_with_overwrite(command: str, tmp_path, capsys) -> None:
+    (tmp_path / "old.png").touch()
+    assert main([*command.split(), "--out", str(tmp_path / "old.png")]) == 2
+    assert "old.png exists already. Choose another file with --out, or pass --overwrite." in capsys.readouterr().err
+    assert main([*command.split(), "--out", str(tmp_path / "new.jpg")]) == 2
+    assert "out must be a .png file, got " in capsys.readouterr().err

@@ -107,7 +107,7 @@ def test_a_stopped_run_resumes_and_ends_the_same(recorded: list[Path], tmp_path:
         (("--workers", "0"), "workers must be at least 1, got 0"),
     ],
 )
-def test_bad_input_is_refused_with_its_remedy(arguments, text, tmp_path: Path, capsys) -> None:
+def test_bad_input_is_rejected_with_its_remedy(arguments, text, tmp_path: Path, capsys) -> None:
     # Settings that are wrong by themselves end in the parser, the others in the command; both end with 2.
     try:
         code = main(["run", "--out", str(tmp_path / "out"), *arguments])

@@ -127,5 +127,5 @@ def test_the_command_writes_the_sheet_and_replaces_nothing_unasked(cache, capsys
     assert "12 templates of hex_nut" in capsys.readouterr().out
     with pytest.raises(OutputError, match=r"sheet.png exists already. Choose another file with --out, or pass --overw"):
         TemplatesShow("hex_nut", out, views=12, size_px=32).run()
-    with pytest.raises(ConfigError, match=r"the sheet must be a \.png file, got 'sheet\.jpg'"):
+    with pytest.raises(ConfigError, match=r"out must be a \.png file, got 'sheet\.jpg'"):
         TemplatesShow("hex_nut", out.with_name("sheet.jpg").relative_to(cache)).run()
