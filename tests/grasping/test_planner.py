@@ -172,10 +172,10 @@ def test_parts_can_be_picked_however_they_rest(name: str, kind: str) -> None:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"largest_tilt_deg": 0.0}, r"largest_tilt_deg must be in \(0, 90\], got 0.0"),
-        ({"side_clearances_m": ()}, r"side_clearances_m must hold values of at least 0, got \(\)"),
-        ({"most_back_off_m": 0.0}, "most_back_off_m must be positive, got 0.0"),
-        ({"grasps_per_target": 0}, "grasps_per_target and tries_per_target must be at least 1, got 0 and"),
+        ({"largest_tilt_deg": 0.0}, "largest_tilt_deg must be above 0 and at most 90, got 0.0"),
+        ({"side_clearances_m": ()}, r"side_clearances_m must be of length at least 1, got \(\)"),
+        ({"most_back_off_m": 0.0}, "most_back_off_m must be above 0, got 0.0"),
+        ({"grasps_per_target": 0}, "grasps_per_target must be at least 1, got 0"),
     ],
 )
 def test_bad_settings_are_refused(settings: dict, message: str) -> None:
