@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -42,7 +43,8 @@ class Train(TrainingOptions):
     def defaults(cls, arguments: Sequence[str]) -> Train:
         """Return the options' defaults: a coarse predictor's templates are spread over the whole sphere."""
         options = super().defaults(arguments)
-        if "coarse" not in arguments:
+        # Behind an option it would be that option's value.
+        if ("coarse", False) not in [(a, before.startswith("--")) for before, a in pairwise(["", *arguments])]:
             return options
         return replace(options, network=replace(options.network, spread_deg=180.0))
 

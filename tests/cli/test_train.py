@@ -63,6 +63,11 @@ def test_options_set_the_defaults_of_others(tmp_path: Path) -> None:
     assert Train.defaults([]).network == PRESETS["small"] and Ablate.defaults([]).network == PRESETS["tiny"]
 
 
+def test_the_value_of_an_option_is_not_taken_for_the_mode() -> None:
+    assert Train.defaults(["--minutes", "1", "coarse"]).network.spread_deg == 180
+    assert Train.defaults(["fine", "--out", "coarse"]).network.spread_deg == PRESETS["small"].spread_deg
+
+
 def test_ablations_fill_both_tables_and_resume(options: list[str], tmp_path: Path) -> None:
     assert main(["ablate", "paper", *options, "--out", str(tmp_path)]) == 0
     text = (tmp_path / "paper.md").read_text()
