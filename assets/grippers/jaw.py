@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
 
 from simpick.assets.contact_forces import normal_forces
 from simpick.assets.grippers.base import GRIPPER_PREFIX, GripperBoxes, GripperSensor, GripperServo, parent_body
@@ -56,6 +55,7 @@ class JawGripper:
 
     name = "jaw"
     tcp_site = f"{GRIPPER_PREFIX}tcp"
+    T_base_tcp = transform(translation=np.array([0.0, 0.0, TCP_Z_M]))
     contact_geoms = (f"{GRIPPER_PREFIX}left_pad", f"{GRIPPER_PREFIX}right_pad")
     max_opening_m = JAW_STROKE_M
     press_m = 0.0
@@ -65,14 +65,33 @@ class JawGripper:
     hold_test = HoldTest()
     sensor = GripperSensor("gripper_opening", "distance between the pads", "m", JAW_STROKE_M)
 
-    @property
-    def T_base_tcp(self) -> Float[np.ndarray, "4 4"]:
-        """Return the TCP frame in the base frame."""
-        return transform(translation=np.array([0.0, 0.0, TCP_Z_M]))
-
     def add(self, spec: mujoco.MjSpec, parent: mujoco.MjsSite | mujoco.MjsBody) -> None:
         """Add the jaw at `parent`, whose +z points away from the arm; the reference configuration is fully open."""
-        _add_model(spec, parent)
+        base = parent_body(spec, parent, f"{GRIPPER_PREFIX}base")
+        _add_palm(base)
+        for side, sign in (("left", -1.0), ("right", 1.0)):
+            _add_finger(base, side, sign)
+        # Neighbours slide on one another. MuJoCo's parent filter does not cover a gripper that is fixed to the world.
+        for one, other in (("left_finger", "right_finger"), ("base", "left_finger"), ("base", "right_finger")):
+            spec.add_exclude(bodyname1=f"{GRIPPER_PREFIX}{one}", bodyname2=f"{GRIPPER_PREFIX}{other}")
+
+        # The gear that couples both fingers: a part off centre moves the part or the arm, never one finger alone.
+        gear = spec.add_equality(
+            name=f"{GRIPPER_PREFIX}gear", type=mujoco.mjtEq.mjEQ_JOINT, objtype=mujoco.mjtObj.mjOBJ_JOINT
+        )
+        gear.name1, gear.name2 = f"{GRIPPER_PREFIX}left_slide", f"{GRIPPER_PREFIX}right_slide"
+        gear.data[:5] = [0.0, 1.0, 0.0, 0.0, 0.0]
+        gear.solref = [0.005, 1.0]
+
+        opening = spec.add_tendon(name=_OPENING)
+        opening.wrap_joint(f"{GRIPPER_PREFIX}left_slide", 1.0)
+        opening.wrap_joint(f"{GRIPPER_PREFIX}right_slide", 1.0)
+        servo = spec.add_actuator(name=_OPENING, trntype=mujoco.mjtTrn.mjTRN_TENDON, target=_OPENING)
+        servo.set_to_position(kp=_SERVO_STIFFNESS_N_PER_M, kv=_SERVO_DAMPING_NS_PER_M)
+        servo.forcelimited = True
+        servo.forcerange = [-JAW_FORCE_N, JAW_FORCE_N]
+        servo.ctrllimited = True
+        servo.ctrlrange = [-2 * JAW_FORCE_N / _SERVO_STIFFNESS_N_PER_M, JAW_STROKE_M]
 
     def boxes(self, opening_m: float) -> GripperBoxes:
         """Return boxes of both fingers, the carriages and the palm at this opening."""
@@ -138,34 +157,6 @@ class JawGripper:
         if opening_mm < 0.5:
             return f"fingers closed to {max(opening_mm, 0.0):.1f} mm at stage grip: nothing between the pads"
         return f"fingers stopped at {opening_mm:.1f} mm at stage grip, but no part lay between both pads"
-
-
-def _add_model(spec: mujoco.MjSpec, parent: mujoco.MjsSite | mujoco.MjsBody) -> None:
-    base = parent_body(spec, parent, f"{GRIPPER_PREFIX}base")
-    _add_palm(base)
-    for side, sign in (("left", -1.0), ("right", 1.0)):
-        _add_finger(base, side, sign)
-    # Neighbours slide on one another. (MuJoCo's own parent filter does not cover a gripper that is fixed to the world.)
-    for one, other in (("left_finger", "right_finger"), ("base", "left_finger"), ("base", "right_finger")):
-        spec.add_exclude(bodyname1=f"{GRIPPER_PREFIX}{one}", bodyname2=f"{GRIPPER_PREFIX}{other}")
-
-    # The gear that couples both fingers: a part off centre moves the part or the arm, never one finger alone.
-    gear = spec.add_equality(
-        name=f"{GRIPPER_PREFIX}gear", type=mujoco.mjtEq.mjEQ_JOINT, objtype=mujoco.mjtObj.mjOBJ_JOINT
-    )
-    gear.name1, gear.name2 = f"{GRIPPER_PREFIX}left_slide", f"{GRIPPER_PREFIX}right_slide"
-    gear.data[:5] = [0.0, 1.0, 0.0, 0.0, 0.0]
-    gear.solref = [0.005, 1.0]
-
-    opening = spec.add_tendon(name=_OPENING)
-    opening.wrap_joint(f"{GRIPPER_PREFIX}left_slide", 1.0)
-    opening.wrap_joint(f"{GRIPPER_PREFIX}right_slide", 1.0)
-    servo = spec.add_actuator(name=_OPENING, trntype=mujoco.mjtTrn.mjTRN_TENDON, target=_OPENING)
-    servo.set_to_position(kp=_SERVO_STIFFNESS_N_PER_M, kv=_SERVO_DAMPING_NS_PER_M)
-    servo.forcelimited = True
-    servo.forcerange = [-JAW_FORCE_N, JAW_FORCE_N]
-    servo.ctrllimited = True
-    servo.ctrlrange = [-2 * JAW_FORCE_N / _SERVO_STIFFNESS_N_PER_M, JAW_STROKE_M]
 
 
 def _add_palm(base: mujoco.MjsBody) -> None:

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
 
 from simpick.assets.grippers.base import GRIPPER_PREFIX, GripperBoxes, GripperSensor, GripperServo, parent_body
 from simpick.assets.grippers.hold_test import HoldTest
@@ -52,6 +51,7 @@ class SuctionGripper:
 
     name = "suction"
     tcp_site = f"{GRIPPER_PREFIX}tcp"
+    T_base_tcp = transform(translation=np.array([0.0, 0.0, TCP_Z_M]))
     contact_geoms = tuple(f"{GRIPPER_PREFIX}cell_{k}" for k in range(CELLS))
     max_opening_m = 0.0
     press_m = 0.003
@@ -63,14 +63,79 @@ class SuctionGripper:
     hold_test = HoldTest(tilt_deg=40.0, slip_limit_m=0.015, turn_limit_deg=30.0)
     sensor = GripperSensor("suction_sealed", "1 while the suction head holds something by vacuum", "", None)
 
-    @property
-    def T_base_tcp(self) -> Float[np.ndarray, "4 4"]:
-        """Return the TCP frame (centre of the unloaded face) in the base frame."""
-        return transform(translation=np.array([0.0, 0.0, TCP_Z_M]))
-
     def add(self, spec: mujoco.MjSpec, parent: mujoco.MjsSite | mujoco.MjsBody) -> None:
         """Add the suction head at `parent`, whose +z points away from the arm."""
-        _add_model(spec, parent)
+        base = parent_body(spec, parent, f"{GRIPPER_PREFIX}base")
+        steel, shell, foam = [0.62, 0.63, 0.65, 1.0], [0.16, 0.17, 0.18, 1.0], [0.75, 0.33, 0.12, 1.0]
+        _cylinder(base, f"{GRIPPER_PREFIX}adapter", 0.034, 0.0, 0.018, steel, 0.15)
+        _cylinder(base, f"{GRIPPER_PREFIX}body", BODY_RADIUS_M, 0.018, BODY_LENGTH_M, shell, 0.35)
+        band = _cylinder(
+            base, f"{GRIPPER_PREFIX}band", BODY_RADIUS_M + 0.0005, 0.048, 0.055, [0.05, 0.35, 0.62, 1.0], 0.0
+        )
+        band.contype = band.conaffinity = 0
+        base.add_site(name=f"{GRIPPER_PREFIX}tcp", pos=[0, 0, TCP_Z_M], size=[0.003, 0.003, 0.003], group=4)
+
+        # The plunger's origin is the face's centre; the preload holds it against its stop until something pushes.
+        plunger = base.add_body(name=f"{GRIPPER_PREFIX}plunger", pos=[0, 0, TCP_Z_M], gravcomp=1)
+        plunger.add_joint(
+            name=f"{GRIPPER_PREFIX}plunger",
+            type=mujoco.mjtJoint.mjJNT_SLIDE,
+            axis=[0, 0, -1],
+            range=[0, _TRAVEL_M],
+            limited=True,
+            stiffness=_SPRING_N_PER_M,
+            springref=-_PRELOAD_M,
+            damping=12.0,
+            armature=0.02,
+        )
+        # The lance ends behind the head, so that only the face touches the part.
+        _cylinder(
+            plunger, f"{GRIPPER_PREFIX}lance", LANCE_RADIUS_M, BODY_LENGTH_M - TCP_Z_M, -HEAD_LENGTH_M, steel, 0.06
+        )
+
+        head = plunger.add_body(name=f"{GRIPPER_PREFIX}head", gravcomp=1)
+        for axis, name in (([1, 0, 0], "tilt_x"), ([0, 1, 0], "tilt_y")):
+            head.add_joint(
+                name=f"{GRIPPER_PREFIX}{name}",
+                type=mujoco.mjtJoint.mjJNT_HINGE,
+                axis=axis,
+                pos=[0, 0, -HEAD_LENGTH_M],
+                range=[-_TILT_LIMIT_RAD, _TILT_LIMIT_RAD],
+                limited=True,
+                stiffness=_TILT_STIFFNESS_NM_PER_RAD,
+                damping=0.006,
+                armature=2e-5,
+            )
+        # Cells are the head's only contacts, for the vacuum acts on every contact of its body.
+        for name, radius, top, bottom, rgba in (
+            ("socket", 0.0075, -HEAD_LENGTH_M, -0.008, shell),
+            ("flange", SUCTION_RADIUS_M, -0.008, -0.005, steel),
+            ("foam", SUCTION_RADIUS_M, -0.005, -0.0003, foam),
+        ):
+            geom = _cylinder(head, f"{GRIPPER_PREFIX}{name}", radius, top, bottom, rgba, 0.008)
+            geom.contype = geom.conaffinity = 0
+        for k, (x, y) in enumerate(CELL_CENTRES_M):
+            cell = head.add_geom(
+                name=f"{GRIPPER_PREFIX}cell_{k}",
+                type=mujoco.mjtGeom.mjGEOM_SPHERE,
+                size=[_CELL_RADIUS_M, 0, 0],
+                pos=[x, y, -_CELL_RADIUS_M],
+                group=COLLISION_GROUP,
+            )
+            cell.mass = 0.0005
+            # Contacts within the gap carry vacuum without touching: the foam bridges that far.
+            cell.gap = FOAM_REACH_M
+            # MuJoCo leaves adhesion out of models that have none when compiled; the first `release` makes this zero.
+            cell.adhesion = 1e-9
+            cell.priority = 1
+            cell.condim = 4
+            cell.friction = [1.0, 0.002, 0.0001]
+            # As stiff as the jaw's pads, and for the same reason: light parts would sink in.
+            cell.solref = [0.006, 1.0]
+            cell.solimp = [0.99, 0.999, 0.0005, 0.5, 2.0]
+
+        for one, other in (("base", "plunger"), ("base", "head"), ("plunger", "head")):
+            spec.add_exclude(bodyname1=f"{GRIPPER_PREFIX}{one}", bodyname2=f"{GRIPPER_PREFIX}{other}")
 
     def boxes(self, opening_m: float) -> GripperBoxes:
         """Return boxes of head, lance and body; there is no opening, so the argument changes nothing."""
@@ -148,76 +213,6 @@ class SuctionGripper:
 
     def _cells(self, model: mujoco.MjModel) -> list[int]:
         return [model.geom(name).id for name in self.contact_geoms]
-
-
-def _add_model(spec: mujoco.MjSpec, parent: mujoco.MjsSite | mujoco.MjsBody) -> None:
-    base = parent_body(spec, parent, f"{GRIPPER_PREFIX}base")
-    steel, shell, foam = [0.62, 0.63, 0.65, 1.0], [0.16, 0.17, 0.18, 1.0], [0.75, 0.33, 0.12, 1.0]
-    _cylinder(base, f"{GRIPPER_PREFIX}adapter", 0.034, 0.0, 0.018, steel, 0.15)
-    _cylinder(base, f"{GRIPPER_PREFIX}body", BODY_RADIUS_M, 0.018, BODY_LENGTH_M, shell, 0.35)
-    band = _cylinder(base, f"{GRIPPER_PREFIX}band", BODY_RADIUS_M + 0.0005, 0.048, 0.055, [0.05, 0.35, 0.62, 1.0], 0.0)
-    band.contype = band.conaffinity = 0
-    base.add_site(name=f"{GRIPPER_PREFIX}tcp", pos=[0, 0, TCP_Z_M], size=[0.003, 0.003, 0.003], group=4)
-
-    # The plunger's origin is the face's centre; the preload holds it against its stop until something pushes.
-    plunger = base.add_body(name=f"{GRIPPER_PREFIX}plunger", pos=[0, 0, TCP_Z_M], gravcomp=1)
-    plunger.add_joint(
-        name=f"{GRIPPER_PREFIX}plunger",
-        type=mujoco.mjtJoint.mjJNT_SLIDE,
-        axis=[0, 0, -1],
-        range=[0, _TRAVEL_M],
-        limited=True,
-        stiffness=_SPRING_N_PER_M,
-        springref=-_PRELOAD_M,
-        damping=12.0,
-        armature=0.02,
-    )
-    # The lance ends behind the head, so that only the face touches the part.
-    _cylinder(plunger, f"{GRIPPER_PREFIX}lance", LANCE_RADIUS_M, BODY_LENGTH_M - TCP_Z_M, -HEAD_LENGTH_M, steel, 0.06)
-
-    head = plunger.add_body(name=f"{GRIPPER_PREFIX}head", gravcomp=1)
-    for axis, name in (([1, 0, 0], "tilt_x"), ([0, 1, 0], "tilt_y")):
-        head.add_joint(
-            name=f"{GRIPPER_PREFIX}{name}",
-            type=mujoco.mjtJoint.mjJNT_HINGE,
-            axis=axis,
-            pos=[0, 0, -HEAD_LENGTH_M],
-            range=[-_TILT_LIMIT_RAD, _TILT_LIMIT_RAD],
-            limited=True,
-            stiffness=_TILT_STIFFNESS_NM_PER_RAD,
-            damping=0.006,
-            armature=2e-5,
-        )
-    # Cells are the head's only contacts, for the vacuum acts on every contact of its body.
-    for name, radius, top, bottom, rgba in (
-        ("socket", 0.0075, -HEAD_LENGTH_M, -0.008, shell),
-        ("flange", SUCTION_RADIUS_M, -0.008, -0.005, steel),
-        ("foam", SUCTION_RADIUS_M, -0.005, -0.0003, foam),
-    ):
-        geom = _cylinder(head, f"{GRIPPER_PREFIX}{name}", radius, top, bottom, rgba, 0.008)
-        geom.contype = geom.conaffinity = 0
-    for k, (x, y) in enumerate(CELL_CENTRES_M):
-        cell = head.add_geom(
-            name=f"{GRIPPER_PREFIX}cell_{k}",
-            type=mujoco.mjtGeom.mjGEOM_SPHERE,
-            size=[_CELL_RADIUS_M, 0, 0],
-            pos=[x, y, -_CELL_RADIUS_M],
-            group=COLLISION_GROUP,
-        )
-        cell.mass = 0.0005
-        # Contacts within the gap carry vacuum without touching: the foam bridges that far.
-        cell.gap = FOAM_REACH_M
-        # MuJoCo leaves adhesion out of models that have none when compiled; the first `release` makes this zero.
-        cell.adhesion = 1e-9
-        cell.priority = 1
-        cell.condim = 4
-        cell.friction = [1.0, 0.002, 0.0001]
-        # As stiff as the jaw's pads, and for the same reason: light parts would sink in.
-        cell.solref = [0.006, 1.0]
-        cell.solimp = [0.99, 0.999, 0.0005, 0.5, 2.0]
-
-    for one, other in (("base", "plunger"), ("base", "head"), ("plunger", "head")):
-        spec.add_exclude(bodyname1=f"{GRIPPER_PREFIX}{one}", bodyname2=f"{GRIPPER_PREFIX}{other}")
 
 
 def _cylinder(
