@@ -53,6 +53,12 @@ def test_the_docstring_lists_the_public_names() -> None:
     assert set(re.findall(r"^`(\w+)` ", simpick.__doc__, re.MULTILINE)) == set(vars(simpick)["__all__"])
 
 
+def test_the_readme_imports_at_most_two_names_deep() -> None:
+    imports = re.findall(r"^(?:from|import) (simpick\S*)", (ROOT / "README.md").read_text(), re.MULTILINE)
+    assert "simpick" in imports
+    assert [name for name in imports if name.count(".") > 1] == []
+
+
 @pytest.mark.parametrize(
     "package",
     ["simpick", *(f"simpick.{name}" for name in ("assets", "experiments", "geometry", "metrics", "training"))],

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
@@ -19,6 +18,7 @@ from simpick.experiments.analysis.grasp_scores import PERCEPTION_STAGES
 from simpick.experiments.analysis.paired import executed
 from simpick.experiments.comparison import Comparison
 from simpick.experiments.modes import parse_mode
+from simpick.plotting import new_figure
 from simpick.records import PickOutcome
 
 ORACLE_COLOURS = {"oracle": "#3c4248", "oracle_noise": "#949ca4"}
@@ -206,8 +206,7 @@ def _legend(figure: Figure, colours: Sequence[str], labels: Sequence[str]) -> No
 def _svg(name: str, draw: Callable[[Figure], None], size: tuple[float, float]) -> str:
     """Return a drawing as SVG, the same for the same data; `name` makes its ids differ from those of other drawings."""
     with rc_context({**_STYLE, "svg.hashsalt": name}):
-        figure = Figure(figsize=size, layout="constrained")
-        FigureCanvasSVG(figure)
+        figure = new_figure(*size)
         draw(figure)
         stream = io.StringIO()
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
