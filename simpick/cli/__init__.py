@@ -1,1 +1,1 @@
-"""Cli."""
+"""The command line; `simpick.cli.main` lists the commands."""

@@ -84,7 +84,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         name = _command_name(arguments)
         if name not in COMMANDS:
             print(_overview(name))
-            return 0 if arguments and arguments[-1] in ("-h", "--help") else 2
+            return 0 if {"-h", "--help"} & set(arguments) else 2
         command = _parse(name, _current_options(name, arguments[len(name.split()) :]))
         if os.environ.get("MUJOCO_GL"):
             import simpick.rendering  # noqa: F401 - rejects an unknown back end before MuJoCo fails on it obscurely

@@ -65,6 +65,7 @@ def test_a_group_of_commands_has_its_own_overview(capsys) -> None:
     shown = capsys.readouterr().out
     assert "usage: simpick parts COMMAND" in shown and "parts remove" in shown and "sweep" not in shown
     assert main(["parts"]) == main([]) == 2
+    assert main(["--help", "parts"]) == 0
 
 
 def test_the_version_is_printed(capsys) -> None:
