@@ -1,13 +1,13 @@
 """Rotations in torch: differentiable, batched over leading dimensions, with gradients that stay finite everywhere.
 
-Not imported by `simpick.geometry`, which loads no torch.
+Not imported by `simpick.geometry`, which loads no torch. Functions that need roma import it themselves: it takes a
+second of CPU time to load, and estimators do not use it.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-import roma
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -35,6 +35,8 @@ def so3_exp(rotation_vector: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch
 
 def rotation_angle(R: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*batch"]:
     """Return the angle of a rotation in radians, in [0, pi]; the gradient at the identity is zero, not NaN."""
+    import roma
+
     return torch.linalg.vector_norm(roma.rotmat_to_rotvec(R), dim=-1)
 
 
@@ -63,6 +65,8 @@ def random_rotations(
     shape: tuple[int, ...], generator: torch.Generator, dtype: torch.dtype = torch.float32
 ) -> Float[Tensor, "*batch 3 3"]:
     """Return uniformly distributed rotations on the generator's device (normalized Gaussian quaternions)."""
+    import roma
+
     q = torch.randn((*shape, 4), generator=generator, device=generator.device, dtype=dtype)
     return roma.unitquat_to_rotmat(roma.quat_wxyz_to_xyzw(torch.nn.functional.normalize(q, dim=-1)))
 
