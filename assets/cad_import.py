@@ -34,7 +34,7 @@ class CadSettings(Config):
 
     unit: Unit = "auto"
     """Unit of the file's coordinates; "auto" takes mm or m by plausible size."""
-    density_kg_m3: Annotated[float, Interval(ge=50, le=25000)] = 1200.0
+    density_kg_m3: Annotated[float, Interval(ge=50, le=25000), "in kg/m^3, steel has 7850"] = 1200.0
     """Density of the solid: about 1200 for plastic, 2700 for aluminium, 7850 for steel."""
     rgb: tuple[Fraction, Fraction, Fraction] = (0.6, 0.6, 0.62)
     """Colour, each channel between 0 and 1."""

@@ -9,7 +9,7 @@ import uuid
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +49,7 @@ def cache_key(version: int, *ingredients: str | bytes | int | float) -> str:
 def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     """Write arrays to one ``.npz`` file in one step, compressed, each with a checksum; equal arrays, equal bytes.
 
-    Raises `OutputError` where the folder cannot be written.
+    Raises `OutputError` where the file cannot be written.
     """
     with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as file:
         for name, array in arrays.items():
@@ -113,25 +113,28 @@ def atomic_path(target: Path) -> Iterator[Path]:
     """Yield a temporary path beside `target`; on a clean exit it takes target's place in one step.
 
     Several processes may write the same target at once: each reader sees one whole file, the last writer's. The
-    temporary name keeps target's suffix, because many writers choose a format by it. Raises `OutputError` where
-    the folder cannot be written.
+    temporary name keeps target's suffix, because many writers choose a format by it.
+
+    Raises:
+        OutputError: the folder cannot be written, or the disk is full; its cause is the operating system's error.
     """
-    temporary: Path | None = None
+    temporary = target.parent / f".{target.stem}-{uuid.uuid4().hex}{target.suffix}"
     try:
-        try:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            temporary = target.parent / f".{target.stem}-{uuid.uuid4().hex}{target.suffix}"
-            # Not tempfile.mkstemp, whose files only their owner may read.
-            temporary.touch(exist_ok=False)
-        except OSError as error:
-            raise OutputError(
-                f"cannot write to {target.parent}: {error.strerror}. Choose another folder, or set SIMPICK_CACHE "
-                "if this is the cache."
-            ) from error
+        target.parent.mkdir(parents=True, exist_ok=True)
+        # Not tempfile.mkstemp, whose files only their owner may read.
+        temporary.touch(exist_ok=False)
         yield temporary
         temporary.replace(target)
+    except OutputError:
+        raise
+    except OSError as error:
+        raise OutputError(
+            f"cannot write to {target}: {error.strerror or error}. Make room, choose another folder, or set "
+            "SIMPICK_CACHE if this is the cache."
+        ) from error
     finally:
-        if temporary is not None:
+        # Where the folder is a file, even this fails.
+        with suppress(OSError):
             temporary.unlink(missing_ok=True)
 
 

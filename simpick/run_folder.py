@@ -74,7 +74,8 @@ class RunFolder:
             if is_owner and not file.exists():
                 self._refuse_other_files()
             if overwrite:
-                for old in (old for pattern in (config_file, *results) for old in path.glob(pattern)):
+                # The configuration last: what is left after a kill is still known as a run's folder.
+                for old in (old for pattern in (*results, config_file) for old in path.glob(pattern)):
                     old.unlink()
             found = _read(file, remedy) if file.exists() else None
         except OSError as error:
@@ -123,8 +124,10 @@ class RunFolder:
         try:
             yield
         except OSError as error:
+            # An `OutputError` of `atomic_path` has the operating system's error as its cause.
+            cause = error.__cause__ if isinstance(error.__cause__, OSError) else error
             raise OutputError(
-                f"{name} could not be written to {self.path}: {error.strerror or error}. What was finished before is "
+                f"{name} could not be written to {self.path}: {cause.strerror or cause}. What was finished before is "
                 "kept: make room and run the same command again to resume"
             ) from error
 

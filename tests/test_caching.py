@@ -1,5 +1,7 @@
 """The cache folder's place, its keys, files of arrays, and writes in one step."""
 
+import errno
+import os
 import zipfile
 from pathlib import Path
 
@@ -50,6 +52,17 @@ def test_unwritable_folder_is_an_error_with_a_remedy(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(OutputError, match=r"cannot write to .*: .*SIMPICK_CACHE"):
         atomic_write_text(tmp_path / "file" / "x", "")
+
+
+def test_a_full_disk_is_an_error_with_a_remedy(tmp_path):
+    target = tmp_path / "file.txt"
+    atomic_write_text(target, "old")
+    with (
+        pytest.raises(OutputError, match=r"cannot write to .*file\.txt: No space left on device\. Make room"),
+        atomic_path(target),
+    ):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    assert target.read_text() == "old" and list(tmp_path.iterdir()) == [target]
 
 
 def test_arrays_come_back_and_equal_arrays_give_equal_bytes(tmp_path):

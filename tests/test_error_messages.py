@@ -12,6 +12,7 @@ from simpick.errors import ConfigError, SimpickError, UnknownNameError, UnknownP
 from simpick.estimators import OracleEstimator, PoseBudget, PoseNoise, SegmentationDetector
 from simpick.estimators.raypose import load_checkpoint
 from simpick.experiments import CompareConfig, RunConfig
+from simpick.scene.config import BinConfig
 
 ESTIMATORS = "coarse, fine, oracle, refined, retrieval, retrieval_refined"
 MESSAGES: list[tuple[Callable[[], object], str]] = [
@@ -51,6 +52,15 @@ MESSAGES: list[tuple[Callable[[], object], str]] = [
     (
         lambda: RunConfig(estimator="fine", noise_mm=2.0),
         "noise_deg and noise_mm are for estimator 'oracle', got estimator 'fine'",
+    ),
+    (
+        lambda: RunConfig(estimator="fine@8+closer"),
+        "estimator must be a name alone, got the mode 'fine@8+closer' of a comparison; set hypotheses, noise_deg, "
+        "noise_mm and look_closer instead",
+    ),
+    (
+        lambda: BinConfig(width_m=300.0),
+        "width_m must be between 0.05 and 1, got 300.0 (give metres, not millimetres)",
     ),
     (
         lambda: CompareConfig(modes=("orcale", "retrieval", "retrieval")).runs(),

@@ -49,7 +49,7 @@ class Ablate(TrainingOptions):
         for name in names:
             variant = by_name[name]
             console.print_line(f"{variant.label}: {self.out / name}")
-            with TrainProgress(budget, console) as progress:
+            with TrainProgress(console) as progress:
                 ablation.run(variant, progress.show)
             if is_paper:
                 results.append(ablations.measure(ablation, variant))

@@ -1,10 +1,15 @@
-"""The check of the images that commands write."""
+"""Images that commands write: the check before any work, and the file."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from simpick.errors import ConfigError, OutputError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import UInt8
 
 
 def check_image(file: Path, *, overwrite: bool) -> None:
@@ -18,3 +23,13 @@ def check_image(file: Path, *, overwrite: bool) -> None:
         raise ConfigError(f"out must be a .png file, got {str(file)!r}")
     if file.exists() and not overwrite:
         raise OutputError(f"{file} exists already. Choose another file with --out, or pass --overwrite.")
+
+
+def write_image(file: Path, rgb: UInt8[np.ndarray, "height width 3"]) -> None:
+    """Write a PNG image, whole or not at all; raises OutputError."""
+    # Only here: they take time to import.
+    import cv2
+
+    from simpick.caching import atomic_write_bytes
+
+    atomic_write_bytes(file, cv2.imencode(".png", rgb[:, :, ::-1])[1].tobytes())

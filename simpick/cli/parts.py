@@ -11,7 +11,7 @@ import tyro
 from annotated_types import Interval
 
 from simpick.assets.units import Unit
-from simpick.cli.outputs import check_image
+from simpick.cli.outputs import check_image, write_image
 from simpick.config import Config, Fraction, PositiveFloat, PositiveInt
 
 if TYPE_CHECKING:
@@ -63,18 +63,13 @@ class PartsShow(Config):
 
     def run(self) -> int:
         """Render the sheet and write it."""
-        import cv2
-
         from simpick.assets import get_part, part_names
-        from simpick.caching import atomic_path
         from simpick.rendering.contact_sheet import contact_sheet
 
         check_image(self.out, overwrite=self.overwrite)
         parts = [get_part(name) for name in self.parts or part_names()]
         labels = [f"{part.name}\n{_extents(part)} mm, {part.mass_kg * 1e3:.0f} g" for part in parts]
-        sheet = contact_sheet(parts, labels, columns=self.columns, cell_px=self.cell_px)
-        with atomic_path(self.out) as temporary:
-            cv2.imwrite(str(temporary), sheet[:, :, ::-1])
+        write_image(self.out, contact_sheet(parts, labels, columns=self.columns, cell_px=self.cell_px))
         print(f"wrote {self.out}: {len(parts)} parts")
         return 0
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from simpick.cli.outputs import check_image
+from simpick.cli.outputs import check_image, write_image
 from simpick.cli.parts import PartNames
 from simpick.config import Config, PositiveInt
 
@@ -37,10 +37,7 @@ class TemplatesShow(Config):
         """Render the templates, or read them from the cache, and write the sheet."""
         import time
 
-        import cv2
-
         from simpick.assets import get_part
-        from simpick.caching import atomic_write_bytes
         from simpick.rendering import TemplateConfig, load_templates, template_sheet
         from simpick.terminal import Console, progress_bar
 
@@ -53,9 +50,7 @@ class TemplatesShow(Config):
             task = bar.add_task(f"rendering {part.name}", total=self.views)
             templates = load_templates(part, config, progress=lambda done, _: bar.update(task, completed=done))
         elapsed_s = time.perf_counter() - start
-        sheet = template_sheet(templates, columns=self.columns)
-        png = cv2.imencode(".png", cv2.cvtColor(sheet, cv2.COLOR_RGB2BGR))[1]
-        atomic_write_bytes(self.out, png.tobytes())
+        write_image(self.out, template_sheet(templates, columns=self.columns))
         console.print(f"{len(templates)} templates of {part.name} in {elapsed_s:.2f} s: {self.out}")
         return 0
 

@@ -70,7 +70,7 @@ class Train(TrainingOptions):
         is_first = Distributed.from_environment(self.resources.device).is_first
         console = Console(quiet=not is_first)
         console.print_line(f"training {self.mode} ({self.size}) in {folder}")
-        progress = TrainProgress(budget, console)
+        progress = TrainProgress(console)
         try:
             with progress if is_first else nullcontext():
                 weights = train(

@@ -13,7 +13,7 @@ from simpick.errors import ConfigError
 from simpick.experiments.modes import ORACLE, ORACLE_NOISE, Mode, check_modes, parse_mode
 
 # The bounds of `BinConfig`, in the unit of this configuration.
-_SideMm = Annotated[float, Interval(ge=50, le=1000)]
+_SideMm = Annotated[float, Interval(ge=50, le=1000), "give millimetres, not metres"]
 
 
 @dataclass(frozen=True)
@@ -72,6 +72,11 @@ class RunConfig(CellConfig):
 
     def _check_rules(self) -> None:
         super()._check_rules()
+        if parse_mode(self.estimator) != Mode(self.estimator):
+            raise ConfigError(
+                f"estimator must be a name alone, got the mode {self.estimator!r} of a comparison; set hypotheses, "
+                "noise_deg, noise_mm and look_closer instead"
+            )
         if self.estimator != ORACLE and (self.noise_deg or self.noise_mm):
             raise ConfigError(f"noise_deg and noise_mm are for estimator 'oracle', got estimator {self.estimator!r}")
         if self.estimator == ORACLE and self.hypotheses is not None:

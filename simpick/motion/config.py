@@ -15,7 +15,7 @@ from simpick.config import Config, PositiveFloat
 class MotionConfig(Config):
     """Speeds, distances and thresholds of a pick. The defaults give a cycle of four to six seconds."""
 
-    joint_speed_rad_s: Annotated[float, Interval(gt=0, le=np.pi)] = np.deg2rad(160.0)
+    joint_speed_rad_s: Annotated[float, Interval(gt=0, le=np.pi), "in radians per second"] = np.deg2rad(160.0)
     """Limit of every joint's speed; the arm itself allows 180 degrees per second."""
     joint_acceleration_rad_s2: PositiveFloat = 9.0
     """Limit of every joint's acceleration."""

@@ -1,4 +1,3 @@
-from .base import Policy as Policy
 from .grasp_chooser import GraspChooser as GraspChooser
 from .perception import Percept as Percept
 from .perception import Perception as Perception

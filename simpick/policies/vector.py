@@ -19,7 +19,7 @@ from simpick.envs.spaces import outcome_from_index
 from simpick.errors import ConfigError
 from simpick.policies.grasp_chooser import GraspChooser
 from simpick.policies.perception import Percept, Perception, perceive_together
-from simpick.policies.pick_policy import Decision, PickPolicy
+from simpick.policies.pick_policy import PickPolicy
 from simpick.policies.pose_observation import check_can_be_perceived, pose_arrays, with_poses
 from simpick.scene import SceneConfig
 
@@ -90,11 +90,6 @@ class VectorPickPolicy:
 
     def __len__(self) -> int:
         return len(self.policies)
-
-    @property
-    def decisions(self) -> list[Decision]:
-        """Return for each environment what its last action was based on."""
-        return [policy.decision for policy in self.policies]
 
     def reset(self) -> None:
         """Forget the last episode of every environment."""

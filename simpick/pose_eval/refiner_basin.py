@@ -28,7 +28,6 @@ class BasinPoint:
 
     start_deg: float
     end_deg: float
-    end_mm: float
     visible_fraction: float
 
 
@@ -81,7 +80,7 @@ def measure_basin(
         for start_deg in starts_deg:
             for answer in answers([image], PerturbedTruths(refiner, start_deg, depth_fraction, rng)):
                 points += [
-                    BasinPoint(start_deg, error.rotation_deg, error.translation_mm, truth.visible_fraction)
+                    BasinPoint(start_deg, error.rotation_deg, truth.visible_fraction)
                     for _, truth, error in estimate_errors(answer, library_model)
                 ]
     return points

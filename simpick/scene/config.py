@@ -18,7 +18,8 @@ MAX_PARTS = 50
 """A bin holds at most this many parts."""
 
 
-_Side = Annotated[float, Interval(ge=0.05, le=1)]
+_METRES = "give metres, not millimetres"
+_Side = Annotated[float, Interval(ge=0.05, le=1), _METRES]
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class BinConfig(Config):
     """Along world x."""
     depth_m: _Side = 0.12
     """From the inner floor (z = 0) to the rim."""
-    wall_m: Annotated[float, Interval(ge=0.002, le=0.05)] = 0.008
+    wall_m: Annotated[float, Interval(ge=0.002, le=0.05), _METRES] = 0.008
     """Thickness of walls and floor."""
 
 

@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from simpick.terminal import Console, share_bar
-from simpick.training.budget import Budget
 
 
 class TrainProgress:
     """Shows the rows of the log as they are written. A context manager."""
 
-    def __init__(self, budget: Budget, console: Console) -> None:
-        self._console, self._budget = console, budget
+    def __init__(self, console: Console) -> None:
+        self._console = console
         self._bar = share_bar(
             "step {task.fields[step]}", "{task.fields[figures]}", "{task.fields[left]}", console=console
         )

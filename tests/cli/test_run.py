@@ -97,7 +97,10 @@ def test_a_stopped_run_resumes_and_ends_the_same(recorded: list[Path], tmp_path:
         (("--episodes", "0"), "simpick: episodes must be at least 1, got 0"),
         (("--noise-mm", "-1"), "noise_mm must be at least 0, got -1"),
         (("--bin-mm", "60", "60", "60", "--parts", "connecting_rod"), "connecting_rod"),
-        (("--bin-mm", "0.4", "0.3", "0.12"), "simpick: bin_mm[0] must be between 50 and 1000, got 0.4"),
+        (
+            ("--bin-mm", "0.4", "0.3", "0.12"),
+            "simpick: bin_mm[0] must be between 50 and 1000, got 0.4 (give millimetres, not metres)",
+        ),
         (("--estimator", "retrieval", "--noise-mm", "1"), "simpick: noise_deg and noise_mm are for estimator 'oracle'"),
         (
             ("--hypotheses", "4"),

@@ -238,7 +238,9 @@ def test_a_jaw_takes_whichever_of_its_two_orientations_needs_less_motion():
 def test_motion_config_errors_say_what_to_do():
     with pytest.raises(ConfigError, match=r"tcp_speed_m_s must be above 0, got -1"):
         MotionConfig(tcp_speed_m_s=-1.0)
-    with pytest.raises(ConfigError, match=r"joint_speed_rad_s must be above 0 and at most 3\.14159, got 9"):
+    with pytest.raises(
+        ConfigError, match=r"joint_speed_rad_s must be above 0 and at most 3\.14159, got 9\.0 \(in radians per second"
+    ):
         MotionConfig(joint_speed_rad_s=9.0)
 
 

@@ -19,6 +19,6 @@ def test_starts_are_off_by_the_angle_asked_for_and_by_no_more_depth():
 
 
 def test_the_plot_is_written(tmp_path):
-    points = [BasinPoint(start, start / 10, 1.0, seen) for start in (5.0, 20.0) for seen in (0.3, 0.6, 1.0)]
+    points = [BasinPoint(start, start / 10, seen) for start in (5.0, 20.0) for seen in (0.3, 0.6, 1.0)]
     plot_basin(points, tmp_path / "new" / "basin.png")
     assert (tmp_path / "new" / "basin.png").stat().st_size > 5000

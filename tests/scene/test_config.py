@@ -30,7 +30,7 @@ def test_unknown_names_list_those_that_exist():
 
 
 def test_millimetres_in_place_of_metres_are_noticed():
-    with pytest.raises(ConfigError, match=r"length_m must be between 0\.05 and 1, got 400\.0"):
+    with pytest.raises(ConfigError, match=r"length_m must be between 0\.05 and 1, got 400\.0 \(give metres, not mill"):
         BinConfig(length_m=400.0)
 
 

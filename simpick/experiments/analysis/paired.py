@@ -37,24 +37,22 @@ class Measure:
     key: str
     title: str
     unit: str
-    higher_is_better: bool | None
-    """None where neither is."""
     factor: float = 1.0
     """From the ratio of sums, or the median, to the unit."""
 
 
 MEASURES: tuple[Measure, ...] = (
-    Measure("grasp_success", "grasp success", "%", True, 100),
-    Measure("first_try", "first-try success", "%", True, 100),
-    Measure("clearance", "clearance", "%", True, 100),
-    Measure("mpph", "picks per hour (MPPH)", "", True, 3600),
-    Measure("rotation_deg", "rotation error", "deg", False),
-    Measure("translation_mm", "translation error", "mm", False),
-    Measure("depth_mm", "depth error", "mm", False),
-    Measure("collisions", "collisions", "%", False, 100),
-    Measure("double_picks", "double picks", "%", False, 100),
-    Measure("motion_s", "motion per attempt", "s", False),
-    Measure("perception_s", "perception per pick", "s", False),
+    Measure("grasp_success", "grasp success", "%", 100),
+    Measure("first_try", "first-try success", "%", 100),
+    Measure("clearance", "clearance", "%", 100),
+    Measure("mpph", "picks per hour (MPPH)", "", 3600),
+    Measure("rotation_deg", "rotation error", "deg"),
+    Measure("translation_mm", "translation error", "mm"),
+    Measure("depth_mm", "depth error", "mm"),
+    Measure("collisions", "collisions", "%", 100),
+    Measure("double_picks", "double picks", "%", 100),
+    Measure("motion_s", "motion per attempt", "s"),
+    Measure("perception_s", "perception per pick", "s"),
 )
 """The figures of each mode. Errors are medians over attempts, at the moment of the pick."""
 
