@@ -18,6 +18,7 @@ from concurrent.futures import Future
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
+from multiprocessing.reduction import ForkingPickler
 from typing import Any, TypeVar
 
 from simpick.config import Config, PositiveFloat, PositiveInt
@@ -292,14 +293,14 @@ def _serve(connection: Connection) -> None:
     try:
         while True:
             function, arguments = connection.recv()
-            result, error = None, None
             try:
-                result = function(*arguments)
-            except SimpickError as raised:
-                error = raised
-            except Exception as raised:
-                error = SimpickError(f"a worker process failed: {raised!r}\n{traceback.format_exc()}")
-            connection.send((result, error))
+                answer = ForkingPickler.dumps((function(*arguments), None))
+            except SimpickError as error:
+                answer = ForkingPickler.dumps((None, error))
+            except Exception as error:
+                failure = SimpickError(f"a worker process failed: {error!r}\n{traceback.format_exc()}")
+                answer = ForkingPickler.dumps((None, failure))
+            connection.send_bytes(answer)
     # The parent has closed its end, or is gone.
     except (EOFError, OSError):
         return

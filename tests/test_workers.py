@@ -37,6 +37,10 @@ def die_over_one(job: int) -> None:
         os._exit(7)
 
 
+def return_what_cannot_be_pickled() -> object:
+    return lambda: None
+
+
 def complain(job: int) -> None:
     if job == 0:
         raise OutputError("the disk is full")
@@ -125,6 +129,14 @@ def test_a_call_that_ends_every_worker_fails() -> None:
 def test_what_a_call_raises_reaches_the_caller(job: int, text: str) -> None:
     with WorkerPool(1) as pool, pytest.raises(SimpickError, match=text):
         pool.submit(complain, job).result()
+
+
+def test_what_cannot_be_pickled_is_reported_and_costs_no_process() -> None:
+    with WorkerPool(1) as pool:
+        for call in (pool.submit(return_what_cannot_be_pickled), pool.submit(len, (lambda: None for _ in ()))):
+            with pytest.raises(SimpickError, match="pickle"):
+                call.result()
+        assert pool.replaced == 0
 
 
 def test_staggered_processes_start_one_after_the_other(tmp_path: Path) -> None:
