@@ -43,8 +43,7 @@ class Train(TrainingOptions):
     def defaults(cls, arguments: Sequence[str]) -> Train:
         """Return the options' defaults: a coarse predictor's templates are spread over the whole sphere."""
         options = super().defaults(arguments)
-        # Behind an option it would be that option's value.
-        if ("coarse", False) not in [(a, before.startswith("--")) for before, a in pairwise(["", *arguments])]:
+        if not any(a == "coarse" and not _takes_value(before) for before, a in pairwise(["", *arguments])):
             return options
         return replace(options, network=replace(options.network, spread_deg=180.0))
 
@@ -92,3 +91,8 @@ class Train(TrainingOptions):
             for file in [weights, *write_curves(log, recording_id=f"training-{folder.name}")]:
                 console.print_line(f"written: {file}")
         return 0
+
+
+def _takes_value(argument: str) -> bool:
+    """Return whether the next argument is this one's value: not after ``--name=value``, nor after a switch."""
+    return argument.startswith("--") and "=" not in argument and "no-" not in argument
