@@ -1,6 +1,6 @@
 """The small language that parts are written in: manifold solids in millimetres, and `finish`, which makes a `Part`.
 
-A part is written in a frame of its own, where its axes lie on coordinate axes; `finish` scales it to metres, moves
+A part is written in its own frame, where its axes lie on coordinate axes; `finish` scales it to metres, moves
 the origin to the centre of the bounding box and carries the symmetries along. Collision pieces are convex: what is
 curved becomes a polygon of *equal area*, so that mass, rest poses and fits stay true on average.
 """

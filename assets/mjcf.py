@@ -68,7 +68,7 @@ def add_part(
 def _shared_mesh(spec: mujoco.MjSpec, name: str, mesh: trimesh.Trimesh, *, shaded: bool = False) -> str:
     if spec.mesh(name) is None:
         vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-        # Inertia comes from the body, so shells and thin pieces need no volume of their own here.
+        # Inertia comes from the body, so shells and thin pieces need no volume here.
         asset = spec.add_mesh(name=name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
         if shaded:
             # MuJoCo's own normals smear the shade of a hole's rim over the flat face around it.

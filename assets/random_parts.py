@@ -57,7 +57,7 @@ def random_part(seed: int) -> Part:
 
 
 def _attempt(rng: np.random.Generator) -> tuple[Manifold, list[Manifold]]:
-    """Return a solid in millimetres, not always a sound one, and its convex pieces."""
+    """Return a solid in millimetres, not always a valid one, and its convex pieces."""
     solid, pieces = _base(rng)
     for _ in range(rng.integers(0, 4)):
         # A body grows on the solid's skin: its centre lies on one of the solid's own vertices, drawn inward a bit.

@@ -73,7 +73,7 @@ def add_user_part(
 def remove_user_part(name: str) -> Path:
     """Take a registered part out of the register, with its copy of the CAD file, and return the folder it lay in.
 
-    What was made of it, such as grasps and templates, stays in the cache and serves it again if it is added again.
+    What was made of it, such as grasps and templates, stays in the cache and is used again if the part is added again.
     Raises `ConfigError` for a library part, `UnknownNameError` if no part was registered under that name, and
     `OutputError` if the folder cannot be written.
     """

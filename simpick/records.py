@@ -132,7 +132,7 @@ class PickResult:
     cause: str
     """Description of the cause: the stage and what was noticed there."""
     stages: tuple[str, ...] = ()
-    """Stages begun, in order."""
+    """Stages started, in order."""
     motion_s: float = 0.0
     """Simulated time from leaving home to being back; 0 where the arm never left."""
     peak_force_n: float = 0.0

@@ -61,7 +61,7 @@ class GripperServo(Protocol):
 class Gripper(Protocol):
     """A kind of gripper: its model, extent, grasps, and the commands that write its controls.
 
-    Commands and readings take model and data: a gripper has no state, so that one serves any number of scenes.
+    Commands and readings take model and data: a gripper has no state, so one object is enough for all scenes.
     """
 
     # -- the model ----------------------------------------------------------------------------------------------

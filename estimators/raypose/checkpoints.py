@@ -94,7 +94,7 @@ def load_checkpoint(path: Path, *, dino_weights: Path | None = None) -> Checkpoi
 
 
 def shipped_checkpoint() -> Path:
-    """Return the file of the weights that come with simpick, which serve ``coarse`` and ``fine``.
+    """Return the file of the weights that come with simpick, for ``coarse`` and ``fine``.
 
     Raises:
         CheckpointError: this installation has none.

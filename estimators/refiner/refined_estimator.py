@@ -49,7 +49,7 @@ class RefinedEstimator:
     def estimate(self, frame: CameraFrame, detections: Sequence[Detection]) -> list[PoseEstimate]:
         """Return one estimate per detection that the base answers, with refined hypotheses, best first.
 
-        The hypotheses keep the refiner's scores, whatever the estimate's own is.
+        The hypotheses keep the refiner's scores, also where the estimate's score is a probability.
 
         Raises:
             ConfigError: as the base estimator and `Refiner.refine`.

@@ -52,7 +52,7 @@ class Refiner:
         """Return each detection's refined hypotheses, best first, near-identical ones merged.
 
         Scores are in (0, 1]: exp(-misfit / 0.35). Hypotheses that are not rotation matrices, not finite, or behind the
-        camera are ignored. A detection without sound hypotheses, or with a mask of fewer than 16 pixels or a single
+        camera are ignored. A detection without valid hypotheses, or with a mask of fewer than 16 pixels or a single
         line of them, gets its hypotheses back unchanged.
 
         Raises:
@@ -65,7 +65,7 @@ class Refiner:
             )
         check_onboarded(detections, self._parts)
         masks = [detection_mask(detection, frame) for detection in detections]
-        usable = [[h for h in own if _is_sound(h.T_camera_part)] for own in hypotheses]
+        usable = [[h for h in own if _is_valid(h.T_camera_part)] for own in hypotheses]
         rows = [k for k, mask in enumerate(masks) if usable[k] and has_shape(mask, _LEAST_MASK_PX)]
         answers = [tuple(own) for own in hypotheses]
         if rows:
@@ -208,7 +208,7 @@ class _LevelSearch:
             return align(target, rendered_maps(depth_m, origin_m, target.focal_px), centres, self._config)
 
 
-def _is_sound(T_camera_part: Float[np.ndarray, "4 4"]) -> bool:
+def _is_valid(T_camera_part: Float[np.ndarray, "4 4"]) -> bool:
     """Return whether a pose is finite, a rotation, and in front of the camera."""
     R = T_camera_part[:3, :3]
     return bool(

@@ -30,7 +30,7 @@ class RetrievalConfig(Config):
     views: int = 162
     """Directions of the templates on the view sphere: 42, 162 or 642."""
     turns: Annotated[int, Interval(ge=4, le=360)] = 36
-    """Turns of each view about the optical axis."""
+    """In-plane rotations of each view."""
     hypotheses: Annotated[int, Interval(ge=1, le=200)] = 5
     """Poses per detection, best first."""
     spacing_deg: Annotated[float, Interval(ge=0, le=90)] = 15.0
@@ -47,7 +47,7 @@ class RetrievalConfig(Config):
 
 
 class RetrievalEstimator:
-    """Finds each detection's nearest templates among all views and turns. Implements `PoseEstimator`.
+    """Finds each detection's nearest templates among all views and in-plane rotations. Implements `PoseEstimator`.
 
     Image and templates are compared in virtual-camera crops (see `simpick.geometry.crops`), so a match is a pose in the
     crop's frame, and its distance follows from the size of the detection's box. If a part is partly hidden, the box

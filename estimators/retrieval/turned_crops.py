@@ -1,4 +1,4 @@
-"""Crops of all templates in all turns about the optical axis, made as the query's crops are."""
+"""Crops of all templates in all rotations about the optical axis, made as the query's crops are."""
 
 from __future__ import annotations
 

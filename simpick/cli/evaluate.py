@@ -32,7 +32,7 @@ def _unless_given(metavar: str, default: str) -> object:
 class Evaluate(Config):
     """Score poses on a BOP data set or on new simulated bins.
 
-    Prints BOP's average recalls per part and in all, and medians by visibility. --dataset or --bins chooses the images.
+    Prints BOP's average recalls, overall and per part, and medians by visibility. --dataset or --bins selects images.
     """
 
     estimator: str = "oracle"

@@ -154,8 +154,8 @@ def _load(name: str) -> type[Command]:
 def _parse(name: str, arguments: Sequence[str]) -> Command:
     """Return the command with its options; exits where tyro rejects them, and after printing help.
 
-    A value that its own configuration rejects reaches tyro as a ValueError, which it reports under a name of its own.
-    Such an error is complete as it is, and is raised again instead.
+    A value that its own configuration rejects reaches tyro as a ValueError, which it reports as an error of its own.
+    Such an error is complete, and is raised again instead.
     """
     import tyro
 

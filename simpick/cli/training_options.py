@@ -30,9 +30,9 @@ class TrainingOptions:
     seed: NonNegativeInt = 0
     """Default of --training.seed and --training.data.seed: weights, noise, parts and bins."""
     minutes: Annotated[PositiveFloat | None, tyro.conf.arg(metavar="FLOAT", help_behavior_hint=_NO_LIMIT)] = None
-    """Time to train in all, resumptions included."""
+    """Minutes to train, resumptions included."""
     steps: Annotated[PositiveInt | None, tyro.conf.arg(metavar="INT", help_behavior_hint=_NO_LIMIT)] = None
-    """Steps to train in all, resumptions included."""
+    """Steps to train, resumptions included."""
     resources: tyro.conf.OmitArgPrefixes[Resources] = field(default_factory=Resources)
     """What to use of this machine."""
     training: TrainConfig = field(default_factory=TrainConfig)

@@ -1,6 +1,6 @@
 """Crops as virtual cameras: rotated so that the axis passes through a box's centre, zoomed so that the box fills it.
 
-A crop made this way is a pinhole image of its own, not a cut-out: the homography ``K_crop R_crop_camera K^-1`` removes
+Such a crop is itself a pinhole image, not a cut-out: the homography ``K_crop R_crop_camera K^-1`` removes
 perspective exactly, poses in the crop's frame become allocentric, and the source's intrinsics disappear. The camera's
 centre does not move, so the frames differ by a rotation only: ``T_crop_part = T_crop_camera @ T_camera_part``.
 """

@@ -1,7 +1,7 @@
 """95 % confidence intervals: Wilson's for a share, the percentile bootstrap over bins for everything else.
 
 `scipy.stats` is the test oracle of both. Its ``binomtest(...).proportion_ci("wilson")`` takes 100 times as long, since
-it computes a p-value first. Its ``bootstrap`` resamples one statistic per call with draws of its own: the published
+it computes a p-value first. Its ``bootstrap`` resamples one statistic per call with its own draws: the published
 intervals would change, and the figures of paired modes would no longer share one set of resampled bins.
 """
 

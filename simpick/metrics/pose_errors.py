@@ -67,7 +67,7 @@ def add_s(
 ) -> Float[np.ndarray, "*batch"]:
     """Return the mean distance in metres from true vertices to the nearest estimated vertex (ADD-S, BOP's ``adi``)."""
     estimate, truth, batch = _pairs(Ts_a_estimate, Ts_a_truth)
-    # Distances are equal in the estimate's part frame, where one search tree serves all pairs.
+    # Distances are equal in the estimate's part frame, where one search tree is enough for all pairs.
     points = [transform_points(T, model.vertices_m) for T in invert(estimate) @ truth]
     return np.array([model.tree.query(p)[0].mean() for p in points]).reshape(batch)
 

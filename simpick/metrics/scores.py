@@ -1,4 +1,4 @@
-"""BOP's average recalls: AR_VSD, AR_MSSD, AR_MSPD and their mean, pooled over all targets, in all and per part.
+"""BOP's average recalls: AR_VSD, AR_MSSD, AR_MSPD and their mean, pooled over all targets, overall and per part.
 
 One `TargetErrors` represents all instances of one part in one image, like a row of ``test_targets_bop19.json``.
 Constants and rules are those of the BOP toolkit's ``eval_bop19_pose``.
@@ -96,7 +96,7 @@ class AverageRecalls:
 
 @dataclass(frozen=True, eq=False)
 class PoseScores:
-    """Average recalls in all and per part."""
+    """Average recalls, overall and per part."""
 
     overall: AverageRecalls
     """Pooled over all targets: frequent parts have more weight."""
@@ -152,7 +152,7 @@ def target_errors(
 
 
 def pose_scores(errors: Sequence[TargetErrors]) -> PoseScores:
-    """Return the average recalls over these images, in all and per part.
+    """Return the average recalls over these images, overall and per part.
 
     Raises:
         ConfigError: only some targets have VSD.

@@ -1,4 +1,4 @@
-"""Summaries of pose errors: medians and recalls at fixed angles, in all and by visibility."""
+"""Summaries of pose errors: medians and recalls at fixed angles, overall and by visibility."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ class Evidence:
     in_bin_after: tuple[int, ...] = ()
     in_chute_after: tuple[int, ...] = ()
     stages: list[str] = field(default_factory=list)
-    """Stages begun, in order."""
+    """Stages started, in order."""
     unreachable: str | None = None
     """Why no motion to the grasp was found."""
     collision: str | None = None

@@ -51,7 +51,7 @@ class PoseEvaluation:
     """The scores over all images."""
 
     scores: PoseScores
-    """Average recalls, in all and per part."""
+    """Average recalls, overall and per part."""
     summary: PoseSummary
     """Over all targets."""
     by_visibility: dict[str, PoseSummary]

@@ -14,7 +14,7 @@ ERRORS = ("deg", "mm", "depth %", "<5 deg", "<15 deg", "<30 deg")
 
 
 def recall_table(evaluation: PoseEvaluation, title: str) -> Table:
-    """Return AR and its three terms per part and in all, as percentages."""
+    """Return AR and its three terms per part and overall, as percentages."""
     rows = [(name, f"{r.targets}", *recall_cells(r)) for name, r in evaluation.scores.by_part.items()]
     table = narrow_table("part", "targets", "AR", "VSD", "MSSD", "MSPD", title=title, rows=rows)
     table.add_section()

@@ -34,7 +34,7 @@ class GeomMesh:
 
 
 def geom_mesh(model: mujoco.MjModel, geom: int) -> GeomMesh | None:
-    """Return a geom's mesh, or None for a kind without a surface of its own (flex, skin, lines).
+    """Return a geom's mesh, or None for a kind without its own surface (flex, skin, lines).
 
     Planes without bounds are drawn out to twice the model's extent. A texture is kept on meshes with texture
     coordinates and on planes; elsewhere its mean colour tints the geom.
@@ -68,7 +68,7 @@ def geom_mesh(model: mujoco.MjModel, geom: int) -> GeomMesh | None:
 
 
 def _rgba(model: mujoco.MjModel, geom: int) -> tuple[tuple[float, float, float, float], int]:
-    # The rule of MuJoCo's own visualiser: a material's colour holds unless the geom has a colour of its own.
+    # The rule of MuJoCo's own visualiser: a material's colour applies unless the geom has its own.
     rgba, material = model.geom_rgba[geom], int(model.geom_matid[geom])
     if material >= 0 and np.array_equal(rgba, _DEFAULT_RGBA):
         rgba = model.mat_rgba[material]

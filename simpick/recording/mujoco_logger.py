@@ -16,7 +16,7 @@ from simpick.recording.entity_names import EntityNames, object_name
 from simpick.recording.geom_meshes import GeomMesh, geom_mesh
 
 DEFAULT_GROUPS = (0, 1, 2)
-"""Geom groups that MuJoCo's own viewer shows at start; by custom, collision geoms lie in 3."""
+"""Geom groups that MuJoCo's own viewer shows at start; collision geoms are in group 3 by convention."""
 _MOVED_M = 2e-5
 _MOVED_QUATERNION = 5e-5
 """Least change of a quaternion's component that counts as motion: about 0.006 degrees."""

@@ -88,7 +88,7 @@ class PerceptionLayers:
         ]
 
     def detections(self, camera: str, detections: Sequence[Detection]) -> None:
-        """Log boxes and masks over the camera's image, each detection in a colour of its own."""
+        """Log boxes and masks over the camera's image, each detection in its own colour."""
         path = self._camera_path(camera)
         colours = [_colour(k) for k in range(len(detections))]
         boxes = np.array([detection.box_xyxy_px for detection in detections]).reshape(-1, 4)

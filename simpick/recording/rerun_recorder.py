@@ -112,7 +112,7 @@ class RerunRecorder:
             episode.logger.flush()
 
     def start_pick(self, pick: int) -> None:
-        """Begin a pick: later events stand at this number on the timeline ``pick``.
+        """Begin a pick: later events have this number on the timeline ``pick``.
 
         Raises `OutputError` where the disk is full; what was recorded before can still be closed.
         """
@@ -166,7 +166,7 @@ class RerunRecorder:
         cause = f": {record.cause}" if record.cause else ""
         self._log_text(f"{record.outcome}{target}{cause}", level, OUTCOME_COLOURS[record.outcome])
         self._log_state("/pick/stage", "")
-        # The outcome stands at the pick's beginning, so that its band covers the pick on the timeline of states.
+        # The outcome is logged at the pick's beginning, so that its band covers the pick on the timeline of states.
         end = self._now
         self._set_time(self._pick_start)
         self._log_state(OUTCOME_PATH, record.outcome)

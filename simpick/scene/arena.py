@@ -1,4 +1,4 @@
-"""What stands in the cell besides robot and parts: table, bin and chute."""
+"""The contents of the cell besides robot and parts: table, bin and chute."""
 
 from __future__ import annotations
 

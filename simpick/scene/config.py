@@ -24,7 +24,7 @@ _Side = Annotated[float, Interval(ge=0.05, le=1), _METRES]
 
 @dataclass(frozen=True)
 class BinConfig(Config):
-    """The container that parts lie in, by its inner measures."""
+    """The container that parts lie in, by its inner dimensions."""
 
     length_m: _Side = 0.40
     """Along world y."""
@@ -50,7 +50,7 @@ class CameraConfig(Config):
 
 @dataclass(frozen=True)
 class SceneConfig(Config):
-    """What stands in the cell. Together with a seed it determines a scene to the last bit."""
+    """The contents of the cell. Together with a seed it determines a scene to the last bit."""
 
     parts: Annotated[tuple[str, ...], MinLen(1)] = ("hex_bolt",)
     """Names of library parts or paths to CAD files. One makes a homogeneous bin, several a mixed one, whose

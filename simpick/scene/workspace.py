@@ -1,4 +1,4 @@
-"""Where things stand in the cell: named constants and boxes in the world frame (metres)."""
+"""Positions in the cell: named constants and boxes in the world frame (metres)."""
 
 from __future__ import annotations
 

@@ -38,7 +38,8 @@ class TrainingFolder(RunFolder):
             return torch.load(self._state, map_location="cpu", weights_only=True)
         except Exception as error:
             raise ConfigError(
-                f"{self._state} is damaged ({error}); delete it to begin again, from {self.weights.name} if you like"
+                f"{self._state} is damaged ({error}); delete it to start again, if you like with "
+                f"--start-from {self.weights.name}"
             ) from error
 
     def save_state(self, state: dict[str, Any]) -> None:

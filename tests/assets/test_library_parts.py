@@ -1,4 +1,4 @@
-"""Every library part is a sound solid, with exactly the symmetries it claims and collision pieces that stand for it."""
+"""Library parts are valid solids, with exactly the symmetries they claim and collision pieces close to their shape."""
 
 import subprocess
 import sys
@@ -140,7 +140,7 @@ def test_parts_are_the_same_in_another_process():
 
 
 @pytest.mark.parametrize("seed", range(30))
-def test_random_part_is_a_sound_solid(seed):
+def test_random_part_is_a_valid_solid(seed):
     part = random_part(seed)
     assert part.mesh.is_watertight and part.mesh.body_count == 1
     assert 0.025 <= part.extents_m.max() <= 0.0901

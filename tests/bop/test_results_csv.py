@@ -73,7 +73,7 @@ def test_different_times_in_one_image_are_not_written(tmp_path):
     assert not (tmp_path / "out.csv").exists()
 
 
-def test_names_tell_method_data_set_and_split():
+def test_names_state_method_data_set_and_split():
     name = parse_result_name(Path("runs/simpick-fine_tless-test-primesense_7c9f.csv"))
     assert (name.method, name.dataset, name.split, name.split_type) == ("simpick-fine", "tless", "test", "primesense")
     name = parse_result_name(Path("a_ycbv-test.csv"))

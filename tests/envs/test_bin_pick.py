@@ -30,7 +30,7 @@ def test_gymnasium_accepts_it() -> None:
     env.close()
 
 
-def test_reset_tells_success_and_truth() -> None:
+def test_reset_reports_success_and_truth() -> None:
     env = BinPickEnv(count=3)
     observation, info = env.reset(seed=1)
     assert info["is_success"] is False
@@ -165,7 +165,7 @@ def test_outcomes_are_numbered_both_ways() -> None:
     assert [outcome_from_index(outcome_index(o)) for o in (None, *OUTCOMES)] == [None, *OUTCOMES]
 
 
-def test_a_scene_that_blows_up_ends_as_a_fault_and_the_next_one_is_sound(capfd) -> None:
+def test_a_scene_that_blows_up_ends_as_a_fault_and_the_next_one_is_valid(capfd) -> None:
     env = BinPickEnv(count=2)
     env.reset(seed=0)
     env.scene.data.qvel[:] = 1e7

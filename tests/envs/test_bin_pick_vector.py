@@ -55,7 +55,7 @@ def test_each_environment_plays_what_a_single_one_plays(envs) -> None:
     for ours, theirs in zip(envs.truth(1), single.truth(), strict=True):
         assert (ours.instance, ours.part, ours.in_bin) == (theirs.instance, theirs.part, theirs.in_bin)
         np.testing.assert_array_equal(ours.T_world_part, theirs.T_world_part)
-    # Two failures end the episode; the step after resets to the bin that a single environment goes on to.
+    # Two failures end the episode; the step after resets to the bin that a single environment continues with.
     for ends in (False, True):
         observations, rewards, terminated, _, infos = envs.step(IDLE)
         alone, reward, *_ = single.step(ABSTAIN)

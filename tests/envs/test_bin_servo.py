@@ -1,4 +1,4 @@
-"""`simpick/BinServo-v0` moves as it is told, sees what it should, and ends when the work is done."""
+"""`simpick/BinServo-v0` moves as commanded, observes what it should, and ends when the work is done."""
 
 import pickle
 
@@ -125,7 +125,7 @@ def test_closing_twice_is_harmless() -> None:
         env.step(HOLD)
 
 
-def test_reset_tells_success_and_truth() -> None:
+def test_reset_reports_success_and_truth() -> None:
     env = blind(count=2)
     observation, info = env.reset(seed=1)
     assert info["is_success"] is False and info["truth"]["in_bin"].tolist() == [True, True]

@@ -1,4 +1,4 @@
-"""The oracle tells the truth, and its noise does what it is named after."""
+"""The oracle returns the true poses, and its noise has the stated medians."""
 
 import numpy as np
 import pytest

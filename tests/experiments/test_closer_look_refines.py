@@ -1,4 +1,4 @@
-"""The look through the wrist camera, by the real refiner, brings a retrieved pose nearer to the truth."""
+"""The look through the wrist camera, by the real refiner, moves a retrieved pose nearer to the truth."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Picks in the simulator: every outcome is brought about on purpose and must be told with its cause."""
+"""Picks in the simulator: every outcome is provoked and must be reported with its cause."""
 
 import numpy as np
 import pytest

@@ -88,6 +88,6 @@ def test_a_blocked_arm_is_led_by_a_bounded_angle(kinematics) -> None:
     commands = []
     for _ in range(20):
         commands = arm.commands(np.array([0.2, 0, 0, 0, 0, 0]), home, PERIODS_S)
-    # The lead is cut back before each tick, in which the command goes on by at most its speed.
+    # The lead is cut back before each tick, in which the command moves by at most its speed.
     assert np.abs(commands[-1][0] - home).max() < MAX_LEAD_RAD + 0.05 * SPEED_LIMIT
     assert np.abs(commands[0][0] - home).max() < MAX_LEAD_RAD + 0.01 * SPEED_LIMIT

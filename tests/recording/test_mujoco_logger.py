@@ -148,7 +148,7 @@ def test_geometry_below_its_body_hidden_groups_left_out(model, tmp_path):
     assert is_whole(path)
 
 
-def test_names_with_slashes_become_one_part_and_clashes_are_told_apart(tmp_path):
+def test_names_with_slashes_become_one_part_and_clashes_are_resolved(tmp_path):
     model = mujoco.MjModel.from_xml_string("""
     <mujoco><worldbody>
       <geom name="crate" size=".1"/>

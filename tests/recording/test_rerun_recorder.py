@@ -55,7 +55,7 @@ def test_two_processes_write_equal_recordings(recording, tmp_path):
     assert compared.returncode == 0, compared.stderr
 
 
-def test_recordings_with_timings_are_told_apart(recording, tmp_path):
+def test_recordings_with_timings_differ_from_those_without(recording, tmp_path):
     path = tmp_path / "timed.rrd"
     with RerunRecorder(path, record_timings=True) as recorder:
         record_episode(recorder, timings_s={"render": 0.25})
@@ -159,7 +159,7 @@ def test_closing_twice_is_harmless(recording, tmp_path):
     assert (tmp_path / "a.rrd").stat().st_size == size
 
 
-def test_existing_recording_is_kept_unless_told_otherwise(recording):
+def test_existing_recording_is_kept_without_overwrite(recording):
     before = recording.read_bytes()
     with pytest.raises(OutputError, match=r"it exists already; choose another name or delete it"):
         RerunRecorder(recording)
@@ -216,7 +216,7 @@ def _estimate_of(part):
     return PoseEstimate(part, np.eye(4), 1.0, "oracle", 0.0)
 
 
-def test_a_disk_that_fills_up_between_two_picks_is_told_and_leaves_a_whole_recording(tmp_path):
+def test_a_disk_that_fills_up_between_two_picks_is_reported_and_leaves_a_whole_recording(tmp_path):
     resource = pytest.importorskip("resource")
     path, model = tmp_path / "full.rrd", mujoco.MjModel.from_xml_string(XML)
     before = resource.getrlimit(resource.RLIMIT_FSIZE)

@@ -10,13 +10,13 @@ from simpick.scene.archive import read_archive, write_archive
 from simpick.scene.workspace import CHUTE_CENTRE_M, bin_interior
 
 
-def test_truth_tells_poses_and_parts_of_all_instances(scene, config):
+def test_truth_holds_poses_and_parts_of_all_instances(scene, config):
     truth = scene.truth()
     assert [t.instance for t in truth] == list(range(config.count))
     assert all(t.in_bin for t in truth)
-    for told, instance in zip(truth, scene.instances, strict=True):
-        assert told.part == instance.part.name
-        np.testing.assert_allclose(told.T_world_part[:3, 3], scene.positions_m[told.instance], atol=1e-12)
+    for reported, instance in zip(truth, scene.instances, strict=True):
+        assert reported.part == instance.part.name
+        np.testing.assert_allclose(reported.T_world_part[:3, 3], scene.positions_m[reported.instance], atol=1e-12)
 
 
 def test_every_geom_of_a_part_leads_to_its_instance_and_no_other_does(scene):
@@ -60,7 +60,7 @@ def test_a_scene_without_robot_has_no_wrist_camera():
     assert scene.robot is None and scene.gripper is None
 
 
-def test_where_parts_are_is_told_by_their_place(scene):
+def test_delivered_and_lost_parts_are_known_by_their_position(scene):
     scene.place({0: transform(translation=np.array(CHUTE_CENTRE_M) + np.array([0, 0, 0.05]))})
     scene.place({1: transform(translation=np.array([0.9, 0.5, 0.1]))})
     assert scene.in_chute(0) and not scene.in_bin(0)
@@ -161,7 +161,7 @@ def test_a_saved_vacuum_still_holds(tmp_path):
     np.testing.assert_array_equal(again.data.qpos, scene.data.qpos)
 
 
-def test_files_that_are_no_scene_are_told_apart(scene, tmp_path):
+def test_files_that_are_no_scene_are_refused(scene, tmp_path):
     with pytest.raises(SceneError, match="no scene file at"):
         Scene.load(tmp_path / "none.npz")
     (tmp_path / "text.npz").write_text("hello")

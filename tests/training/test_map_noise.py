@@ -55,7 +55,7 @@ def test_measurements_repeat_themselves(results: dict[int, MapNoise]) -> None:
     assert np.array_equal(again.rotation_deg, results[3].rotation_deg)
 
 
-def test_the_script_draws_and_tells(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_script_draws_and_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     main(tmp_path / "noise.png", samples=20)
     picture = cv2.imread(str(tmp_path / "noise.png"))
     assert picture is not None

@@ -140,7 +140,7 @@ def test_a_damaged_state_is_reported_and_kept(straight: Path, resources: Resourc
     (tmp_path / "config.json").write_bytes((straight / "config.json").read_bytes())
     damaged = (straight / "state.pt").read_bytes()[:5000]
     (tmp_path / "state.pt").write_bytes(damaged)
-    with pytest.raises(ConfigError, match=r"state\.pt is damaged .* delete it to begin again"):
+    with pytest.raises(ConfigError, match=r"state\.pt is damaged .* delete it to start again"):
         train(NETWORK, TINY_TRAINING, Budget(steps=STEPS), tmp_path, resources=resources)
     assert (tmp_path / "state.pt").read_bytes() == damaged
 

@@ -1,4 +1,4 @@
-"""Which views and turns of a part serve as templates: over the whole sphere (coarse) or around a pose (fine)."""
+"""Choice of views and in-plane rotations as templates: over the whole sphere (coarse) or around a pose (fine)."""
 
 from __future__ import annotations
 

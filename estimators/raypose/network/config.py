@@ -142,7 +142,7 @@ PRESETS: dict[str, RayPoseConfig] = {
         flow=False,
     ),
 }
-"""Sizes by name: ``tiny`` for tests, ``small`` ships, ``base`` wants a GPU, ``paper`` is the published recipe."""
+"""Sizes by name: ``tiny`` for tests, ``small`` ships, ``base`` needs a GPU, ``paper`` is the published recipe."""
 
 
 def preset(name: str) -> RayPoseConfig:

@@ -114,7 +114,7 @@ class TemplateFlow(nn.Module):
         start: SolvedPoses,
     ) -> Flow:
         """Return flow and pose around a start of one view, which gets no gradient."""
-        # In single precision, whatever the network around runs in: rounding must not lose half a cell.
+        # In single precision, also where the network runs in another: rounding must not lose half a cell.
         with torch.autocast(query.device.type, enabled=False):
             views, start = templates.coverage.shape[1], start.map(Tensor.detach)
             cells = templates.map(lambda x: x.float().flatten(1, 2))  # (batch, all cells, ...)

@@ -61,7 +61,7 @@ def solve_poses(
     `whitening` is a square root of each residual's information matrix, if that is not isotropic. Only the last
     iteration carries a gradient: that of the solution with respect to points, observations and weights.
     """
-    # In single precision, whatever the network around runs in.
+    # In single precision, also where the network runs in another.
     with torch.autocast(points.device.type, enabled=False):
         points, weights = points.float(), weights.float()
         pose = start
@@ -138,7 +138,7 @@ def project(
     points: Float[Tensor, "batch cells 3"], half_tangent: Float[Tensor, "batch"], pose: SolvedPoses
 ) -> tuple[Float[Tensor, "batch views cells 2"], Float[Tensor, "batch views cells 3"]]:
     """Return the projections of points, and the points rotated and scaled into half crop sides about the origin."""
-    # In single precision, whatever the network around runs in: a sixtieth of a cell counts.
+    # In single precision, also where the network runs in another: a sixtieth of a cell counts.
     with torch.autocast(points.device.type, enabled=False):
         rotated = torch.einsum("bkij,bnj->bkni", pose.R.float(), points.float())
         scaled = rotated * pose.log_scale.float().exp()[..., None, None]

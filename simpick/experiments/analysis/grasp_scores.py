@@ -51,23 +51,23 @@ class GraspScores:
 def score_grasps(results: Iterable[EpisodeResult]) -> GraspScores:
     """Return the scores of these episodes, pooled over attempts."""
     results = list(results)
-    sound = [r for r in results if r.ended != PickOutcome.SIMULATION_FAULT]
-    picks = [pick for r in sound for pick in r.picks]
+    valid = [r for r in results if r.ended != PickOutcome.SIMULATION_FAULT]
+    picks = [pick for r in valid for pick in r.picks]
     attempts = [pick for pick in picks if pick.outcome not in ABSTENTIONS]
     successes = sum(pick.outcome is PickOutcome.SUCCESS for pick in attempts)
     motion_s = sum(pick.motion_s for pick in attempts)
     perception_s = sum(perception_time_s(pick) for pick in picks)
-    parts = sum(len(r.instances) for r in sound)
+    parts = sum(len(r.instances) for r in valid)
     errors = [pick.pose_error for pick in attempts if pick.pose_error is not None]
-    first_tries = [success for r in sound for success in first_try_successes(r)]
+    first_tries = [success for r in valid for success in first_try_successes(r)]
     outcomes = Counter(pick.outcome.value for r in results for pick in r.picks)
     return GraspScores(
         episodes=len(results),
         attempts=len(attempts),
         abstentions=len(picks) - len(attempts),
         grasp_success=successes / len(attempts) if attempts else float("nan"),
-        clearance=sum(r.delivered for r in sound) / parts if parts else float("nan"),
-        cleared_episodes=float(np.mean([r.ended == "cleared" for r in sound])) if sound else float("nan"),
+        clearance=sum(r.delivered for r in valid) / parts if parts else float("nan"),
+        cleared_episodes=float(np.mean([r.ended == "cleared" for r in valid])) if valid else float("nan"),
         first_try_success=float(np.mean(first_tries)) if first_tries else float("nan"),
         mpph=3600 * successes / (motion_s + perception_s) if attempts else float("nan"),
         motion_s=motion_s / len(attempts) if attempts else float("nan"),

@@ -13,5 +13,5 @@ def test_weights_ship_with_a_card() -> None:
     card = path.with_suffix(".md").read_text()
     for fact in ("Data", "Training", "Figures", "Limits"):
         assert f"## {fact}" in card
-    # The card tells of these weights, not of earlier ones.
+    # The card describes these weights, not of earlier ones.
     assert f"{checkpoint.card['queries']:,}" in card

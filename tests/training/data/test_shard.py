@@ -72,7 +72,7 @@ def test_a_flipped_bit_is_found(tiny_shard: Shard, tmp_path: Path) -> None:
         Shard.load(path)
 
 
-def test_a_foreign_file_and_another_version_are_told_apart(tiny_shard: Shard, tmp_path: Path) -> None:
+def test_a_foreign_file_and_another_version_are_distinguished(tiny_shard: Shard, tmp_path: Path) -> None:
     path = tmp_path / "a.shard"
     for header, text in [
         ({"format": "other"}, "must be a shard of training data, has another format"),

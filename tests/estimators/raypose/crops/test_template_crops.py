@@ -58,7 +58,7 @@ def test_a_turned_recrop_turns_its_picture_clockwise() -> None:
     recrops = aim_virtual_recrops(80, np.array([1e5]), np.array([np.pi / 2]), whole, 80, padding=1.0)
     seen = sample_virtual_recrops(image, np.array([1e5]), recrops)[0, 0]
     rows, columns = torch.nonzero(seen > 0.5, as_tuple=True)
-    # A quarter turn clockwise brings it to the right.
+    # A quarter turn clockwise moves it to the right.
     assert (rows.float().mean().item() + 0.5, columns.float().mean().item() + 0.5) == pytest.approx((40, 58), abs=0.6)
 
 
@@ -142,7 +142,7 @@ def test_shift_and_zoom_move_the_frame(templates: TemplateSet, crops: TemplateCr
 
 
 @pytest.mark.render
-def test_equivalent_poses_nearest_to_a_pose_tell_the_same_story(crops: TemplateCrops) -> None:
+def test_equivalent_poses_nearest_to_a_pose_agree(crops: TemplateCrops) -> None:
     # Of order 3, where an element and its inverse differ.
     group = SymmetryGroup.cyclic(3)
     T_query = crops.Ts_crop_part[0] @ transform(so3_exp(np.array([0.0, 0.0, 2 * np.pi / 3 + 0.2])))

@@ -20,7 +20,7 @@ def test_a_perfect_denoiser_is_followed_exactly(steps: int) -> None:
     torch.testing.assert_close(sampled, clean, rtol=0, atol=0)
 
 
-def test_a_perfect_denoiser_sees_maps_with_the_noise_that_it_is_told() -> None:
+def test_a_perfect_denoiser_sees_maps_with_the_noise_that_it_is_given() -> None:
     clean, start, schedule = noise(2, 500, seed=1), noise(2, 500), make_schedule()
     seen: list[tuple[torch.Tensor, torch.Tensor]] = []
 

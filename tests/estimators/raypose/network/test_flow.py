@@ -127,7 +127,7 @@ def test_the_nearer_half_of_the_templates_is_followed() -> None:
 
 
 def test_an_edge_says_nothing_along_itself() -> None:
-    # All is known of x and little of y: the centre moves in x as told, and hardly in y.
+    # All is known of x and little of y: the centre moves in x as given, and hardly in y.
     cells, _, truth = scene()
     points = cells.points.flatten(1, 2)
     places = project(points, HALF_TANGENT, truth)[0][:, 0] + 0.1

@@ -87,7 +87,7 @@ def test_a_new_decoder_predicts_the_first_maps() -> None:
     torch.testing.assert_close(out, first)
 
 
-def test_noise_levels_are_told_apart() -> None:
+def test_noise_levels_are_distinguished() -> None:
     torch.manual_seed(0)
     levels = torch.linspace(2, -9, 100)
     embedded = TimestepEmbedder(16)(levels)

@@ -58,7 +58,7 @@ def test_a_view_gives_back_its_pose_and_projects_the_origin() -> None:
     torch.testing.assert_close(view.half_extent_at_depth_m, T[:, 2, 3] * 50 / focal)
 
 
-def test_one_query_is_told_relative_to_many_references() -> None:
+def test_one_query_is_encoded_relative_to_many_references() -> None:
     g = generator()
     query, references = random_views((4, 1), g, torch.float64), random_views((4, 5), g, torch.float64)
     maps = encode_pose_maps(query, references, 3, 1.2)
