@@ -47,110 +47,48 @@ class Recorder(Protocol):
         parts: Sequence[Part],
     ) -> None:
         """Begin: `config` is what repeats the episode, `parts` are the kinds that estimates may name."""
-        ...
 
     def tick(self, data: mujoco.MjData) -> None:
         """Note the state after a physics step; most calls return at once."""
-        ...
 
     def start_pick(self, pick: int) -> None:
         """Begin pick number `pick`."""
-        ...
 
     def frame(self, camera: str, frame: CameraFrame) -> None:
         """Note the image that perception was given by the MuJoCo camera of this name."""
-        ...
 
     def detections(self, camera: str, detections: Sequence[Detection]) -> None:
         """Note what was detected in the latest image of this camera."""
-        ...
 
     def estimates(self, T_world_camera: Float[np.ndarray, "4 4"], estimates: Sequence[PoseEstimate]) -> None:
         """Note the poses that were estimated; they replace earlier ones of the same mode, none replace all."""
-        ...
 
     def grasp(self, T_world_tcp: Float[np.ndarray, "4 4"]) -> None:
         """Note the gripper pose that was chosen."""
-        ...
 
     def stage(self, name: str, text: str = "") -> None:
         """Note that the robot entered a stage (``approach``, ``lift``, ...); `text` adds a note for the viewer."""
-        ...
 
     def scalar(self, name: str, value: float) -> None:
         """Note a number of the caller's own, plotted as ``/user/<name>``."""
-        ...
 
     def end_pick(self, record: PickRecord) -> None:
         """End the pick with its record."""
-        ...
 
     def end_episode(self, summary: Mapping[str, object]) -> None:
         """End the episode; `summary` holds the figures of the whole."""
-        ...
 
     def close(self) -> None:
         """Finish the recording; a second call does nothing."""
-        ...
 
-    def __enter__(self) -> Recorder: ...
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
-
-
-class NullRecorder:
-    """Records nothing."""
-
-    def start_episode(
-        self,
-        *,
-        episode_id: str,
-        config: Mapping[str, object],
-        model: mujoco.MjModel,
-        data: mujoco.MjData,
-        parts: Sequence[Part],
-    ) -> None:
-        """Do nothing."""
-
-    def tick(self, data: mujoco.MjData) -> None:
-        """Do nothing."""
-
-    def start_pick(self, pick: int) -> None:
-        """Do nothing."""
-
-    def frame(self, camera: str, frame: CameraFrame) -> None:
-        """Do nothing."""
-
-    def detections(self, camera: str, detections: Sequence[Detection]) -> None:
-        """Do nothing."""
-
-    def estimates(self, T_world_camera: Float[np.ndarray, "4 4"], estimates: Sequence[PoseEstimate]) -> None:
-        """Do nothing."""
-
-    def grasp(self, T_world_tcp: Float[np.ndarray, "4 4"]) -> None:
-        """Do nothing."""
-
-    def stage(self, name: str, text: str = "") -> None:
-        """Do nothing."""
-
-    def scalar(self, name: str, value: float) -> None:
-        """Do nothing."""
-
-    def end_pick(self, record: PickRecord) -> None:
-        """Do nothing."""
-
-    def end_episode(self, summary: Mapping[str, object]) -> None:
-        """Do nothing."""
-
-    def close(self) -> None:
-        """Do nothing."""
-
-    def __enter__(self) -> NullRecorder:
+    def __enter__(self) -> Recorder:
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+class NullRecorder(Recorder):
+    """Records nothing."""

@@ -52,16 +52,8 @@ def geom_mesh(model: mujoco.MjModel, geom: int) -> GeomMesh | None:
         mesh = replace(mesh, texcoords=None)
     elif kind == mujoco.mjtGeom.mjGEOM_HFIELD:
         mesh = _height_field(model, int(model.geom_dataid[geom]), rgba)
-    elif kind == mujoco.mjtGeom.mjGEOM_BOX:
-        mesh = _box(size, rgba)
-    elif kind == mujoco.mjtGeom.mjGEOM_SPHERE:
-        mesh = _ellipsoid(size[[0, 0, 0]], rgba)
-    elif kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-        mesh = _ellipsoid(size, rgba)
-    elif kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
-        mesh = _revolve([_capsule_profile(size[0], size[1])], rgba)
-    elif kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
-        mesh = _revolve(_cylinder_profiles(size[0], size[1]), rgba)
+    elif (solid := _primitive(kind, size)) is not None:
+        mesh = GeomMesh(*split_at_creases(solid), rgba)
     else:
         return None
     return mesh if texture is None else replace(mesh, rgba=_tinted(mesh.rgba, texture))
@@ -123,6 +115,20 @@ def _plane(
     return replace(mesh, texcoords=(corners + 1) / 2, texture=texture[np.ix_(rows, columns)])
 
 
+def _primitive(kind: mujoco.mjtGeom, size: Float[np.ndarray, "3"]) -> trimesh.Trimesh | None:
+    """Return the solid of a primitive kind, or None for other kinds; `size` as in MuJoCo."""
+    if kind == mujoco.mjtGeom.mjGEOM_BOX:
+        return trimesh.creation.box(2 * size)
+    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+        return trimesh.creation.cylinder(size[0], 2 * size[1], sections=_SEGMENTS)
+    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
+        return trimesh.creation.capsule(2 * size[1], size[0], count=(_SEGMENTS // 2, _SEGMENTS))
+    if kind in (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_ELLIPSOID):
+        radii = size if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID else size[[0, 0, 0]]
+        return trimesh.creation.uv_sphere(count=(_SEGMENTS // 2, _SEGMENTS // 2)).apply_scale(radii)
+    return None
+
+
 def _model_mesh(model: mujoco.MjModel, mesh: int, rgba: tuple[float, float, float, float]) -> GeomMesh:
     def piece(array: np.ndarray, address: np.ndarray, count: np.ndarray) -> np.ndarray:
         return array[int(address[mesh]) : int(address[mesh]) + int(count[mesh])]
@@ -164,62 +170,3 @@ def _grid_faces(rows: int, columns: int) -> Int[np.ndarray, "m 3"]:
     lower = np.stack([corner, corner + 1, corner + columns + 1], axis=-1)
     upper = np.stack([corner, corner + columns + 1, corner + columns], axis=-1)
     return np.concatenate([lower, upper])
-
-
-def _box(half: Float[np.ndarray, "3"], rgba: tuple[float, float, float, float]) -> GeomMesh:
-    square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    vertices, normals = [], []
-    for axis in range(3):
-        for sign in (-1.0, 1.0):
-            side = np.empty((4, 3))
-            side[:, axis] = sign
-            # The other two axes in cyclic order face along +axis; mirrored for the opposite side.
-            side[:, (axis + 1) % 3], side[:, (axis + 2) % 3] = square[:, 0], square[:, 1] * sign
-            vertices.append(side * half)
-            normals.append(np.tile(np.eye(3)[axis] * sign, (4, 1)))
-    faces = (np.arange(6)[:, None, None] * 4 + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
-    return GeomMesh(np.concatenate(vertices), np.concatenate(normals), faces, rgba)
-
-
-def _ellipsoid(radii: Float[np.ndarray, "3"], rgba: tuple[float, float, float, float]) -> GeomMesh:
-    unit = _revolve([_capsule_profile(1.0, 0.0)], rgba)
-    normals = unit.normals / radii
-    return replace(
-        unit, vertices=unit.vertices * radii, normals=normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    )
-
-
-def _capsule_profile(radius: float, half_length: float) -> Float[np.ndarray, "rows 4"]:
-    """Return rows (radius, z, normal's radial part, normal's z part) from the lower pole to the upper one."""
-    angles = np.linspace(-np.pi / 2, np.pi / 2, _SEGMENTS // 2 + 1)
-    lower, upper = angles[angles <= 1e-9], angles[angles >= -1e-9]
-    angle = np.concatenate([lower, upper])
-    shift = np.concatenate([np.full(len(lower), -half_length), np.full(len(upper), half_length)])
-    return np.stack([radius * np.cos(angle), shift + radius * np.sin(angle), np.cos(angle), np.sin(angle)], axis=1)
-
-
-def _cylinder_profiles(radius: float, half_length: float) -> list[Float[np.ndarray, "rows 4"]]:
-    return [
-        np.array([[0.0, -half_length, 0.0, -1.0], [radius, -half_length, 0.0, -1.0]]),
-        np.array([[radius, -half_length, 1.0, 0.0], [radius, half_length, 1.0, 0.0]]),
-        np.array([[radius, half_length, 0.0, 1.0], [0.0, half_length, 0.0, 1.0]]),
-    ]
-
-
-def _revolve(profiles: list[Float[np.ndarray, "_ 4"]], rgba: tuple[float, float, float, float]) -> GeomMesh:
-    """Turn profiles about z; each keeps its own normals, so that edges between them stay sharp."""
-    turn = np.linspace(0, 2 * np.pi, _SEGMENTS + 1)
-    circle = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
-    vertices, normals, faces, count = [], [], [], 0
-    for profile in profiles:
-        for target, radial, axial in ((vertices, 0, 1), (normals, 2, 3)):
-            ring = profile[:, None, [radial, radial, axial]].repeat(len(circle), axis=1)
-            ring[..., :2] *= circle
-            target.append(ring.reshape(-1, 3))
-        faces.append(_grid_faces(len(profile), len(circle)) + count)
-        count += len(vertices[-1])
-    points, triangles = np.concatenate(vertices), np.concatenate(faces)
-    # Where a profile touches the axis, half of its triangles have no area.
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    solid = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-14
-    return GeomMesh(points, np.concatenate(normals), triangles[solid], rgba)

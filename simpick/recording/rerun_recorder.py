@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import TracebackType
 
 import mujoco
 import numpy as np
@@ -14,6 +13,7 @@ from jaxtyping import Float
 
 from simpick.assets.part import Part
 from simpick.errors import ConfigError
+from simpick.recording.base import Recorder
 from simpick.recording.blueprint import OUTCOME_COLOURS, default_blueprint, log_styles
 from simpick.recording.column_buffer import Instant
 from simpick.recording.contact_force import ContactForce
@@ -30,7 +30,7 @@ _FLUSH_TICKS = 250
 """Ticks after which motion is sent, also in the midst of a pick, so that memory stays small."""
 
 
-class RerunRecorder:
+class RerunRecorder(Recorder):
     """Writes an episode to an ``.rrd`` file; see `simpick.recording.base` for the order of events.
 
     By default nothing that depends on the wall clock is written, so that the recordings of two runs with the same
@@ -197,14 +197,6 @@ class RerunRecorder:
             )
             episode.stream.send_blueprint(layout)
         self._file.close()
-
-    def __enter__(self) -> RerunRecorder:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _running(self, event: str) -> _Episode:
         if self._episode is None:
