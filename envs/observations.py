@@ -38,10 +38,9 @@ def observation_from_frame(
 def frame_from_observation(observation: Mapping[str, Any]) -> CameraFrame:
     """Return the camera frame that an observation carries."""
     rgb, K = observation["rgb"], observation["camera_matrix"]
-    camera = Pinhole(rgb.shape[1], rgb.shape[0], *(float(K[index]) for index in ((0, 0), (1, 1), (0, 2), (1, 2))))
     return CameraFrame(
         rgb=rgb,
-        camera=camera,
+        camera=Pinhole.from_K(rgb.shape[1], rgb.shape[0], K),
         T_world_camera=observation["T_world_camera"],
         depth_m=observation["depth"],
         instances=observation["segmentation"].astype(np.int32) - 1,

@@ -21,6 +21,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.reduction import ForkingPickler
 from typing import Any, TypeVar
 
+from simpick.closing import Closing
 from simpick.config import Config, PositiveFloat, PositiveInt
 from simpick.errors import ConfigError, SimpickError
 
@@ -64,7 +65,7 @@ class _Call:
     """Processes that died or hung during this call."""
 
 
-class WorkerPool:
+class WorkerPool(Closing):
     """Runs submitted calls in up to `workers` spawned processes. A context manager.
 
     Processes are spawned, because a forked one would share its parent's OpenGL context. They ignore the interrupt
@@ -140,12 +141,6 @@ class WorkerPool:
             deadline = time.monotonic() + _GRACE_S
             for supervisor in self._supervisors:
                 supervisor.join(max(0.0, deadline - time.monotonic()))
-
-    def __enter__(self) -> WorkerPool:
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self.close()
 
     # -- one supervising thread per worker -----------------------------------------------------------------------
 

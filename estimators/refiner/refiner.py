@@ -10,6 +10,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 
 from simpick.assets.part import Part
+from simpick.closing import Closing
 from simpick.errors import ConfigError
 from simpick.estimators.pose_selection import best_per_group, distinct_poses
 from simpick.estimators.refiner.alignment import Alignment, Target, align
@@ -28,7 +29,7 @@ _SOFTNESS = 0.35
 _LEAST_MASK_PX = 16
 
 
-class Refiner:
+class Refiner(Closing):
     """Improves hypotheses until renderings of the part match the image; see `alignment`.
 
     Implements `PoseRefiner`. A context manager: `close` frees its OpenGL contexts.
@@ -77,12 +78,6 @@ class Refiner:
     def close(self) -> None:
         """Free the OpenGL contexts; may be called repeatedly."""
         self._renderers.close()
-
-    def __enter__(self) -> Refiner:
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self.close()
 
     def _refine(
         self,

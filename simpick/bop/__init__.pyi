@@ -1,11 +1,9 @@
 from .detections_json import BopDetection as BopDetection
-from .detections_json import detections_of_image as detections_of_image
 from .detections_json import read_detections as read_detections
 from .detections_json import write_detections as write_detections
 from .models import BopModels as BopModels
 from .reader import BopDataset as BopDataset
 from .results_csv import BopResult as BopResult
-from .results_csv import parse_result_name as parse_result_name
 from .results_csv import read_results as read_results
 from .results_csv import write_results as write_results
 from .scene_reader import BopScene as BopScene

@@ -64,22 +64,6 @@ def read_detections(path: Path) -> list[BopDetection]:
     return [_parse(entry, f"{path}, entry {k}") for k, entry in enumerate(entries)]
 
 
-def detections_of_image(
-    detections: Iterable[BopDetection],
-    scene_id: int,
-    im_id: int,
-    name: Callable[[int], str],
-    height: int,
-    width: int,
-    *,
-    amodal: bool = False,
-) -> list[Detection]:
-    """Return the detections of one image, best first; `name` maps an object id to a part's name."""
-    chosen = [d for d in detections if (d.scene_id, d.im_id) == (scene_id, im_id)]
-    chosen.sort(key=lambda d: -d.score)
-    return [d.detection(name(d.obj_id), height, width, amodal=amodal) for d in chosen]
-
-
 def write_detections(
     path: Path,
     images: Iterable[tuple[int, int, float, Iterable[Detection]]],

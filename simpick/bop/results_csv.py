@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,9 +15,6 @@ from simpick.errors import ConfigError, DatasetError
 
 HEADER = "scene_id,im_id,obj_id,score,R,t,time"
 _TIME_TOLERANCE_S = 0.001
-_NAME = re.compile(
-    r"(?P<method>[^_]+)_(?P<dataset>[^_-]+)-(?P<split>[^_-]+)(-(?P<split_type>[^_]+))?(_(?P<id>.+))?\.csv"
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,28 +29,6 @@ class BopResult:
     """Pose of the model's own frame, in metres; ``T_camera_part = T_camera_model @ part.T_cad_part``."""
     time_s: float
     """For the whole image, therefore equal in all its lines; negative if unknown."""
-
-
-@dataclass(frozen=True)
-class ResultName:
-    """The components of a results file's name: ``METHOD_DATASET-SPLIT[-SPLITTYPE][_ID].csv``."""
-
-    method: str
-    dataset: str
-    split: str
-    split_type: str | None = None
-    identifier: str | None = None
-
-
-def parse_result_name(path: Path) -> ResultName:
-    """Return the components of a results file's name. Raises `DatasetError` if it does not follow BOP's convention."""
-    match = _NAME.fullmatch(path.name)
-    if match is None:
-        raise DatasetError(
-            f"{path.name}: BOP's results are named METHOD_DATASET-SPLIT.csv, such as simpick-retrieval_ycbv-test.csv, "
-            "with no underscore in METHOD; rename the file."
-        )
-    return ResultName(match["method"], match["dataset"], match["split"], match["split_type"], match["id"])
 
 
 def read_results(path: Path) -> list[BopResult]:

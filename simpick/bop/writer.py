@@ -10,7 +10,6 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Literal
 
 import numpy as np
@@ -30,6 +29,7 @@ from simpick.bop.json_files import read_json, read_json_by_id
 from simpick.bop.ply import ply_text
 from simpick.bop.targets import MIN_VISIBLE_FRACTION
 from simpick.caching import atomic_write_text
+from simpick.closing import Closing
 from simpick.errors import ConfigError, OutputError
 from simpick.geometry.image_boxes import box_of_mask
 from simpick.geometry.transforms import invert, transform_points
@@ -55,7 +55,7 @@ class BopInstance:
     """Pixels of the silhouette, also outside the image, the denominator of ``visib_fract``; None: the mask's."""
 
 
-class BopWriter:
+class BopWriter(Closing):
     """Writes images of known parts as a BOP data set; a context manager.
 
     Args:
@@ -158,14 +158,6 @@ class BopWriter:
                 ]
         rows = ",\n".join("  " + json.dumps(target) for target in targets)
         atomic_write_text(self.root / "test_targets_bop19.json", f"[\n{rows}\n]\n")
-
-    def __enter__(self) -> BopWriter:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _open(self, parts: Sequence[Part]) -> None:
         """Write the models into a new folder, or check that an existing one holds the same."""

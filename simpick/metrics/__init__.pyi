@@ -1,4 +1,3 @@
-from .matching import count_targets as count_targets
 from .matching import greedy_matches as greedy_matches
 from .matching import top_estimates as top_estimates
 from .matching import valid_truths as valid_truths

@@ -8,11 +8,6 @@ from jaxtyping import Float, Int
 from simpick.errors import ConfigError
 
 
-def count_targets(visible_fractions: Float[np.ndarray, "g"], min_visible: float = 0.1) -> int:
-    """Return the ``inst_count`` of ``test_targets_bop19``: the number of instances that are at least 10 % visible."""
-    return int((visible_fractions >= min_visible).sum())
-
-
 def top_estimates(scores: Float[np.ndarray, "e"], inst_count: int) -> Int[np.ndarray, "k"]:
     """Return the indices of the `inst_count` highest scores, highest first; ties go to the earlier.
 

@@ -10,6 +10,7 @@ from functools import cache, partial
 from typing import TypeVar
 
 from simpick.assets.library import get_part
+from simpick.closing import Closing
 from simpick.errors import ConfigError
 from simpick.estimators.registry import PoseBudget
 from simpick.metrics.scores import average_recalls
@@ -87,7 +88,7 @@ class PoseBenchmarkResult:
     """Time to onboard each part, the maximum over all processes."""
 
 
-class BinScorer:
+class BinScorer(Closing):
     """Scores one source of estimates on bins of the pose benchmark. A context manager."""
 
     def __init__(self, source: PoseSource, detections: Sequence[str]) -> None:
@@ -113,12 +114,6 @@ class BinScorer:
     def close(self) -> None:
         """Free the OpenGL contexts; may be called again."""
         self._evaluator.close()
-
-    def __enter__(self) -> BinScorer:
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self.close()
 
 
 def make_views(bins: Sequence[BenchmarkBin], *, workers: int = 1, console: Console | None = None) -> int:

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
+from simpick.closing import Closing
 from simpick.errors import ConfigError
 from simpick.metrics.matching import greedy_matches, top_estimates, valid_truths
 from simpick.metrics.pose_errors import batch_pose_errors, mssd, pose_error
@@ -81,7 +82,7 @@ class PoseEvaluation:
         return 1e3 * self.estimation_s / self.detections if self.detections else float("nan")
 
 
-class PoseEvaluator:
+class PoseEvaluator(Closing):
     """Computes the errors of estimates. A context manager.
 
     With `vsd`, every image needs depth, and parts are rendered through OpenGL; without, AR is None, since BOP's AR is
@@ -120,12 +121,6 @@ class PoseEvaluator:
     def close(self) -> None:
         """Free the OpenGL contexts; may be called again."""
         self._renderer.close()
-
-    def __enter__(self) -> PoseEvaluator:
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self.close()
 
     def _targets(self, image: PoseImage, estimates: Sequence[PoseEstimate]) -> list[_Target]:
         """Return what counts: per part, the estimates with the highest scores and the most visible truths."""

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float, Float32, UInt8
 
 from simpick.assets.mjcf import add_part
 from simpick.assets.part import Part
+from simpick.closing import Closing
 from simpick.errors import ConfigError
 from simpick.geometry import Pinhole, invert
 from simpick.rendering.renderer import Renderer, RenderQuality, Viewpoint
@@ -38,7 +39,7 @@ class PartViews:
         return self.depth_m > 0
 
 
-class PartRenderer:
+class PartRenderer(Closing):
     """Renders one part in any pose through any pinhole. Lazy and closable like `Renderer`.
 
     The only light sits in the camera and shines along its axis, without shadows or highlights. So shading depends on
@@ -99,12 +100,6 @@ class PartRenderer:
     def close(self) -> None:
         """Free the OpenGL context; may be called again."""
         self._renderer.close()
-
-    def __enter__(self) -> PartRenderer:
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self.close()
 
 
 def render_part_views(

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from simpick.assets.part import Part
+from simpick.closing import Closing
 from simpick.geometry import Pinhole
 from simpick.rendering.part_views import PartRenderer
 
@@ -16,7 +17,7 @@ _MAX_RENDERERS = 32
 per part of the library; each holds a few megabytes."""
 
 
-class PosedDepthRenderer:
+class PosedDepthRenderer(Closing):
     """Renders depth of single parts and keeps its OpenGL contexts between calls. A context manager."""
 
     def __init__(self) -> None:
@@ -50,12 +51,6 @@ class PosedDepthRenderer:
         """Free the OpenGL contexts; may be called again."""
         while self._renderers:
             self._renderers.popitem()[1].close()
-
-    def __enter__(self) -> PosedDepthRenderer:
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self.close()
 
     def _renderer(self, part: Part, camera: Pinhole) -> PartRenderer:
         key = part.name, part.content_hash, camera.height, camera.width

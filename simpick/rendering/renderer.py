@@ -15,6 +15,7 @@ import numpy as np
 from annotated_types import Interval
 from jaxtyping import Float, Float32, Int32, UInt8
 
+from simpick.closing import Closing
 from simpick.config import Config, PositiveFloat
 from simpick.errors import ConfigError, RenderingUnavailableError, UnknownNameError
 from simpick.geometry import Pinhole
@@ -76,7 +77,7 @@ class Rendering:
     """MuJoCo's geom id; -1 in the background."""
 
 
-class Renderer:
+class Renderer(Closing):
     """Renders one model; the OpenGL context is made by the first `render` and freed by `close`.
 
     Geom groups 0 to 2 are seen, groups 3 to 5 (collision geometry) and all decoration such as sites are not. Changes
@@ -154,12 +155,6 @@ class Renderer:
                 context.free()
         if gl is not None:
             gl.free()
-
-    def __enter__(self) -> Renderer:
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self.close()
 
     def __del__(self) -> None:
         # Absent where __init__ raised.

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float, Int
 
+from simpick.closing import Closing
 from simpick.errors import RenderingUnavailableError
 from simpick.geometry import Pinhole
 from simpick.records import CameraFrame
@@ -33,7 +34,7 @@ class RenderableScene(Protocol):
         ...
 
 
-class SceneRenderer:
+class SceneRenderer(Closing):
     """Renders a scene's cameras, each at its own size, through one OpenGL context. Lazy and closable like `Renderer`.
 
     It follows the scene: when ``scene.model`` is replaced, the context is made again.
@@ -86,9 +87,3 @@ class SceneRenderer:
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
-
-    def __enter__(self) -> SceneRenderer:
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self.close()

@@ -187,13 +187,6 @@ class Scene:
         selected = contacts_between(self.data, self.group_of_geom, a, b)
         return float(normal_forces(self.data)[selected].max(initial=0.0))
 
-    def instances_touching(self, group: ContactGroup) -> tuple[int, ...]:
-        """Return the instances that press on a geom of `group`, as of the last step."""
-        selected = contacts_between(self.data, self.group_of_geom, ContactGroup.PART, group)
-        selected &= normal_forces(self.data) > 0
-        found = np.unique(self.instance_of_geom[self.data.contact.geom[selected]])
-        return tuple(int(k) for k in found if k >= 0)
-
     # -- changes ------------------------------------------------------------------------------------------------
 
     def remove(self, instance: int) -> None:

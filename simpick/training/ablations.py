@@ -20,7 +20,6 @@ from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.network.model import RayPose
 from simpick.training.budget import Budget
 from simpick.training.config import TrainConfig
-from simpick.training.data.shard_stream import ShardStream
 from simpick.training.resources import Resources
 from simpick.training.trainer import train
 from simpick.training.validation import Validation
@@ -184,9 +183,7 @@ def write_results(folder: Path, name: str, results: Sequence[Mapping[str, Any]],
 def _validation(ablation: Ablation, network: RayPoseConfig, steps: int | None = None) -> Validation:
     config = ablation.training
     config = dataclasses.replace(config, validation_steps=steps or config.validation_steps)
-    with ShardStream(ablation.shards, config.data, split="validation", workers=0, prefetch=0, keep=True) as stream:
-        shards = [stream.get(index) for index in range(config.validation_shards)]
-    return Validation(shards, network, config)
+    return Validation.held_out(ablation.shards, network, config)
 
 
 def _table(rows: Sequence[Mapping[str, Any]]) -> str:

@@ -26,7 +26,6 @@ from simpick.training.budget import Budget
 from simpick.training.config import TrainConfig
 from simpick.training.data.batch_source import BatchSource
 from simpick.training.data.batches import TrainingBatch
-from simpick.training.data.shard_stream import ShardStream
 from simpick.training.distributed import Distributed
 from simpick.training.graceful_stop import GracefulStop
 from simpick.training.moving_average import moving_average
@@ -245,10 +244,7 @@ class _Trainer:
         self._row("train", {**means, "queries_per_s": rate, "waiting_share": source.waiting_share()})
 
     def _validation(self) -> Validation:
-        data = self.config.data
-        with ShardStream(self._shards(), data, split="validation", workers=0, prefetch=0, keep=True) as stream:
-            shards = [stream.get(index) for index in range(self.config.validation_shards)]
-        return Validation(shards, self.state.model.config, self.config)
+        return Validation.held_out(self._shards(), self.state.model.config, self.config)
 
     def _shards(self) -> Path:
         return self.resources.shards or self.run_folder.shards

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -17,6 +18,7 @@ from simpick.training.config import TrainConfig
 from simpick.training.data.augmentation import AugmentationConfig
 from simpick.training.data.batches import TrainingBatch, make_batch
 from simpick.training.data.shard import Shard
+from simpick.training.data.shard_stream import ShardStream
 
 _PLAIN = AugmentationConfig(box_jitter=0.0, ragged_share=0.0, hidden_share=0.0, brightness=0.0)
 
@@ -32,6 +34,13 @@ class Validation:
         for shard in self._shards:
             rows = rng.permutation(len(shard))[: config.validation_queries]
             self._batches.append(make_batch([shard], [rows], network, rng, augmentation=_PLAIN))
+
+    @staticmethod
+    def held_out(folder: Path, network: RayPoseConfig, config: TrainConfig) -> Validation:
+        """Return the validation on held-out shards, which are made in `folder` where they are missing."""
+        with ShardStream(folder, config.data, split="validation", workers=0, prefetch=0, keep=True) as stream:
+            shards = [stream.get(index) for index in range(config.validation_shards)]
+        return Validation(shards, network, config)
 
     @property
     def queries(self) -> int:

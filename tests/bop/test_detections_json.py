@@ -4,7 +4,7 @@ import json
 import numpy as np
 import pytest
 
-from simpick.bop import BopDataset, detections_of_image, read_detections, write_detections
+from simpick.bop import BopDataset, read_detections, write_detections
 from simpick.errors import DatasetError
 
 ENTRY = {"scene_id": 4, "image_id": 0, "category_id": 2, "bbox": [3, 4, 10, 20], "score": 0.7, "time": 0.25}
@@ -33,19 +33,20 @@ def test_a_missing_box_is_taken_from_the_mask(tmp_path):
 
 
 @pytest.mark.parametrize("compressed", [False, True])
-def test_detections_come_back_unchanged_and_best_first(tmp_path, root, compressed):
+def test_detections_come_back_unchanged(tmp_path, root, compressed):
     dataset = BopDataset(root)
     detections = [
         d.__class__(d.part, d.box_xyxy_px, d.mask, 0.25 + 0.5 * k) for k, d in enumerate(dataset.scene(4).detections(0))
     ]
     path = tmp_path / "found.json"
     write_detections(path, [(4, 0, 0.1, detections), (4, 1, 0.1, [])], dataset.models.obj_id, compressed=compressed)
-    read = detections_of_image(read_detections(path), 4, 0, dataset.models.name, 48, 64)
-    assert [(d.part, d.score) for d in read] == [("rod", 0.75), ("block", 0.25)]
-    for new, old in zip(read, detections[::-1], strict=True):
+    found = read_detections(path)
+    assert {(d.scene_id, d.im_id) for d in found} == {(4, 0)}
+    read = [d.detection(dataset.models.name(d.obj_id), 48, 64) for d in found]
+    assert [(d.part, d.score) for d in read] == [("block", 0.25), ("rod", 0.75)]
+    for new, old in zip(read, detections, strict=True):
         np.testing.assert_array_equal(new.mask, old.mask)
         np.testing.assert_array_equal(new.box_xyxy_px, old.box_xyxy_px)
-    assert detections_of_image(read_detections(path), 4, 1, dataset.models.name, 48, 64) == []
 
 
 def test_gzipped_files_are_read(tmp_path):

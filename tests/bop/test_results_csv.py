@@ -1,9 +1,7 @@
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from simpick.bop import BopResult, parse_result_name, read_results, write_results
+from simpick.bop import BopResult, read_results, write_results
 from simpick.errors import ConfigError, DatasetError
 from simpick.geometry.transforms import random_rotation, transform
 
@@ -71,21 +69,3 @@ def test_different_times_in_one_image_are_not_written(tmp_path):
     ):
         write_results(tmp_path / "out.csv", results)
     assert not (tmp_path / "out.csv").exists()
-
-
-def test_names_state_method_data_set_and_split():
-    name = parse_result_name(Path("runs/simpick-fine_tless-test-primesense_7c9f.csv"))
-    assert (name.method, name.dataset, name.split, name.split_type) == ("simpick-fine", "tless", "test", "primesense")
-    name = parse_result_name(Path("a_ycbv-test.csv"))
-    assert (name.method, name.dataset, name.split, name.split_type, name.identifier) == (
-        "a",
-        "ycbv",
-        "test",
-        None,
-        None,
-    )
-
-
-def test_other_names_are_refused():
-    with pytest.raises(DatasetError, match=r"results\.csv: BOP's results are named METHOD_DATASET-SPLIT\.csv.*rename"):
-        parse_result_name(Path("results.csv"))

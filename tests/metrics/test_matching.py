@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simpick.errors import ConfigError
-from simpick.metrics import count_targets, greedy_matches, top_estimates, valid_truths
+from simpick.metrics import greedy_matches, top_estimates, valid_truths
 
 
 def test_the_estimate_with_the_highest_score_chooses_first_even_if_another_fits_better() -> None:
@@ -53,10 +53,6 @@ def test_the_highest_scores_count_and_ties_keep_their_order() -> None:
 
 def test_the_most_visible_truths_count_and_ties_keep_their_order() -> None:
     np.testing.assert_array_equal(valid_truths(np.array([0.2, 0.9, 0.2, 0.5]), 3), [0, 1, 3])
-
-
-def test_a_target_is_a_tenth_visible() -> None:
-    assert count_targets(np.array([0.0, 0.09, 0.1, 1.0])) == 2
 
 
 def test_a_score_that_is_no_number_is_refused() -> None:

@@ -12,6 +12,7 @@ from tests.project.source_imports import imported_modules, source_files
 # A room is a folder or file of the package. It imports only rooms before it in this list.
 ROOMS = (
     "errors",
+    "closing",
     "caching",
     "config",
     "run_folder",

@@ -102,7 +102,6 @@ def test_a_pinched_part_is_felt_held_and_does_not_creep(scene):
     scene.place({block.instance: T_world_tcp})
     scene.gripper.grip(scene.model, scene.data)
     scene.step(250)
-    assert scene.instances_touching(ContactGroup.GRIPPER) == (block.instance,)
     assert scene.gripper.held_bodies(scene.model, scene.data) == (block.body_id,)
     assert 10 < scene.contact_force_n(ContactGroup.GRIPPER, ContactGroup.PART) < 100
     assert not scene.touching(ContactGroup.GRIPPER, ContactGroup.BIN)

@@ -8,6 +8,7 @@ import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
+from simpick.closing import Closing
 from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.training.config import TrainConfig
 from simpick.training.data.batches import TrainingBatch, make_batch
@@ -18,7 +19,7 @@ from simpick.training.distributed import Distributed
 from simpick.training.resources import Resources
 
 
-class BatchSource:
+class BatchSource(Closing):
     """Batches that depend only on the configuration and the number of the step. A context manager."""
 
     def __init__(
@@ -72,12 +73,6 @@ class BatchSource:
         """Stop threads and renderers; may be called more than once."""
         self._pool.shutdown(wait=True, cancel_futures=True)
         self._stream.close()
-
-    def __enter__(self) -> BatchSource:
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self.close()
 
     def _make(self, step: int) -> TrainingBatch:
         config, rng = self._config, step_rng(self._config, step, self._rank)

@@ -11,6 +11,7 @@ from pathlib import Path
 import mujoco
 
 from simpick.caching import cache_key
+from simpick.closing import Closing
 from simpick.errors import ConfigError, DatasetError
 from simpick.training.data.data_config import DataConfig, Split
 from simpick.training.data.shard import Shard
@@ -18,7 +19,7 @@ from simpick.training.data.shard_factory import VERSION, make_shard
 from simpick.workers import WorkerLimits, WorkerPool
 
 
-class ShardStream:
+class ShardStream(Closing):
     """Shards by index; a context manager. Index k always gives the same shard, so a run can resume at k.
 
     Files are named by split, configuration and index. Undamaged files of an earlier run with the same configuration are
@@ -115,12 +116,6 @@ class ShardStream:
         """Stop the workers; finished shards remain for the next run. May be called more than once."""
         if self._pool is not None:
             self._pool.close()
-
-    def __enter__(self) -> ShardStream:
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self.close()
 
     def _make(self, index: int) -> None:
         if self.path(index).exists():
