@@ -46,7 +46,7 @@ def add_user_part(
     target = user_parts_dir() / name
     if target.exists() and not replace:
         raise ConfigError(
-            f"a part named {name!r} was added before. Choose another name (--name), or overwrite it (--replace)."
+            f"a part named {name!r} was added before. Choose another name (--name), or replace it (--overwrite)."
         )
     imported = import_cad(source, settings, name=name)
     # The unit is written down as it was chosen, so that a later change of the rules does not change the part.
@@ -110,6 +110,6 @@ def load_user_part(name: str) -> Part:
     except (ConfigError, KeyError, TypeError) as error:
         raise MeshError(
             f"the entry of part {name!r} in {folder} is damaged ({type(error).__name__}: {error}). Add it again: "
-            f"simpick parts add FILE --name {name} --replace"
+            f"simpick parts add FILE --name {name} --overwrite"
         ) from error
     return import_cad(file, settings, name=name).part

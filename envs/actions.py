@@ -16,11 +16,13 @@ ABSTAIN: Float32[np.ndarray, "10"] = np.zeros(10, np.float32)
 """No pick. All zeros are no rotation, so that no real pick is lost; the arm stays at home and the attempt counts."""
 
 
-def encode_action(T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float, workspace: Box) -> Float32[np.ndarray, "10"]:
-    """Return the action that commands this TCP pose and this opening between the pads.
+def encode_action(
+    T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float, workspace: Box, max_opening_m: float = JAW_STROKE_M
+) -> Float32[np.ndarray, "10"]:
+    """Return the action that commands this TCP pose and this opening of the gripper.
 
     Elements 0-2 are the position, mapped from the box `workspace`; 3-8 the first two columns of the rotation (6D
-    representation, Zhou et al. 2019); 9 the opening, mapped from [0, stroke].
+    representation, Zhou et al. 2019); 9 the opening, mapped from [0, max_opening_m], -1 for a gripper without one.
 
     Raises:
         ConfigError: the position lies outside the workspace.
@@ -31,13 +33,13 @@ def encode_action(T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float, works
             f"TCP position must lie in the workspace {workspace.lower_m} to {workspace.upper_m} m, "
             f"got {T_world_tcp[:3, 3].round(4).tolist()} m"
         )
-    opening = 2.0 * opening_m / JAW_STROKE_M - 1.0
+    opening = 2.0 * opening_m / max_opening_m - 1.0 if max_opening_m else -1.0
     rotation = rotation_to_6d(T_world_tcp[:3, :3])
     return np.clip(np.concatenate([position, rotation, [opening]]), -1.0, 1.0).astype(np.float32)
 
 
 def decode_action(
-    action: np.ndarray | Sequence[float], workspace: Box
+    action: np.ndarray | Sequence[float], workspace: Box, max_opening_m: float = JAW_STROKE_M
 ) -> tuple[Float[np.ndarray, "4 4"], float] | None:
     """Return (T_world_tcp, opening_m) of an action, or None for `ABSTAIN`.
 
@@ -59,5 +61,5 @@ def decode_action(
         first = columns[:3] if np.linalg.norm(columns[:3]) > 1e-6 else columns[3:]
         columns = np.concatenate([first, np.eye(3)[np.argmin(np.abs(first))]])
     position = workspace.centre_m + action[:3] * workspace.size_m / 2
-    opening_m = float((action[9] + 1.0) / 2.0 * JAW_STROKE_M)
+    opening_m = float((action[9] + 1.0) / 2.0 * max_opening_m)
     return transform(rotation_from_6d(columns), position), opening_m

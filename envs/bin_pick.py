@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from gymnasium.utils import EzPickle
 
+from simpick.assets.grippers import get_gripper
 from simpick.envs.actions import decode_action
 from simpick.envs.bin_env import BinEnv, part_pool
 from simpick.envs.observations import observation_from_frame
@@ -50,7 +51,7 @@ class BinPickEnv(BinEnv, EzPickle):
     |---|---|---|---|---|
     | 0-2 | TCP position x, y, z in the world | lower corner of `workspace` | upper corner | m |
     | 3-8 | first two columns of the TCP's rotation (6D representation) | -1 | 1 | - |
-    | 9 | opening of the gripper before it closes | 0 | 0.085 | m |
+    | 9 | opening of the gripper before it closes | 0 | `Gripper.max_opening_m` | m |
 
     An action of zeros attempts no pick; the attempt counts.
 
@@ -140,6 +141,7 @@ class BinPickEnv(BinEnv, EzPickle):
         self.action_space = action_space()
         self.workspace = tcp_workspace(self.scene_config.bin)
         """Where actions may place the TCP."""
+        self._max_opening_m = get_gripper(self.scene_config.gripper).max_opening_m
         self.on_stage: Any = None
         """Called with a stage's name as the arm enters it; for recording."""
         self.on_look: Callable[[CameraFrame, np.ndarray], np.ndarray | None] | None = None
@@ -170,7 +172,7 @@ class BinPickEnv(BinEnv, EzPickle):
     def step(self, action: np.ndarray) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Attempt the pick that `action` commands and look again."""
         start = time.perf_counter()
-        command = decode_action(action, self.workspace)
+        command = decode_action(action, self.workspace, self._max_opening_m)
         self._look_s = 0.0
         self._executor.on_look = None if self.on_look is None else self._look
         result = ABSTAINED if command is None else self._executor.execute(*command)

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from gymnasium import spaces
 
-from simpick.assets.grippers import JAW_STROKE_M
 from simpick.records import PickOutcome
 from simpick.scene.config import MAX_PARTS
 
@@ -48,7 +47,7 @@ class ActionItem:
 ACTION_TABLE = (
     ActionItem("0-2", "TCP position x, y, z in the world", "lower corner of `workspace`", "upper corner", "m"),
     ActionItem("3-8", "first two columns of the TCP's rotation (6D representation)", "-1", "1", "-"),
-    ActionItem("9", "opening of the gripper before it closes", "0", f"{JAW_STROKE_M}", "m"),
+    ActionItem("9", "opening of the gripper before it closes", "0", "`Gripper.max_opening_m`", "m"),
 )
 """Elements of an action of `BinPickEnv`. An action of zeros attempts no pick."""
 

@@ -29,6 +29,8 @@ class GraspChooser:
         self._part_of = {part.name: part for part in parts}
         self._motion = PickPlanner(config, MotionConfig())
         self._grasps = GraspPlanner(config.gripper, config.bin)
+        self.max_opening_m = self._grasps.gripper.max_opening_m
+        """Of the gripper; 0 if it has no opening."""
         for part in parts:
             self._grasps.prepare(part)
 

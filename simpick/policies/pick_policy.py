@@ -115,7 +115,8 @@ class PickPolicy:
             self._decision = Decision(percept, T_world_camera, None, why, plan_s)
             return ABSTAIN
         self._decision = Decision(percept, T_world_camera, grasp, None, plan_s)
-        return encode_action(grasp.T_world_tcp, grasp.opening_m, self._chooser.workspace)
+        chooser = self._chooser
+        return encode_action(grasp.T_world_tcp, grasp.opening_m, chooser.workspace, chooser.max_opening_m)
 
     def look(self, frame: CameraFrame, T_world_tcp: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "4 4"] | None:
         """Return the TCP pose of the last decision corrected by an image from the wrist; None if nothing is found.

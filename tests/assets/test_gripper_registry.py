@@ -3,15 +3,23 @@ from importlib.metadata import EntryPoint
 import pytest
 
 from simpick.assets.grippers import Gripper, JawGripper, get_gripper, registry
-from simpick.envs.bin_pick import BinPickEnv
+from simpick.envs.actions import encode_action
+from simpick.envs.bin_pick import ABSTAINED, BinPickEnv
 from simpick.errors import ConfigError, UnknownNameError
+from simpick.geometry import transform
 from simpick.grasping import GraspPlanner
+from simpick.motion import PickExecutor
 from simpick.scene import BinConfig
 
 
 class SlowJaw(JawGripper):
     name = "slow_jaw"
     loaded_acceleration = 0.2
+
+
+class WideJaw(JawGripper):
+    name = "wide_jaw"
+    max_opening_m = 0.14
 
 
 class Hook:
@@ -22,6 +30,7 @@ class Hook:
 def entry_points(monkeypatch: pytest.MonkeyPatch) -> None:
     entries = [
         EntryPoint("slow_jaw", f"{__name__}:SlowJaw", registry.ENTRY_POINT_GROUP),
+        EntryPoint("wide_jaw", f"{__name__}:WideJaw", registry.ENTRY_POINT_GROUP),
         EntryPoint("hook", f"{__name__}:Hook", registry.ENTRY_POINT_GROUP),
         EntryPoint("fast_jaw", f"{__name__}:SlowJaw", registry.ENTRY_POINT_GROUP),
     ]
@@ -42,8 +51,20 @@ def test_another_packages_gripper_works_by_its_name_everywhere() -> None:
     assert isinstance(GraspPlanner("slow_jaw", BinConfig()).gripper, SlowJaw)
 
 
+def test_a_gripper_opens_as_wide_as_it_can(monkeypatch: pytest.MonkeyPatch) -> None:
+    env = BinPickEnv(parts=("bushing",), count=1, gripper="wide_jaw")
+    env.reset(seed=0)
+    commanded = []
+    monkeypatch.setattr(PickExecutor, "execute", lambda self, T, opening_m: commanded.append(opening_m) or ABSTAINED)
+    env.step(encode_action(transform(translation=env.workspace.centre_m), 0.12, env.workspace, 0.14))
+    env.close()
+    assert commanded == pytest.approx([0.12])
+
+
 def test_an_unknown_name_lists_those_that_exist() -> None:
-    with pytest.raises(UnknownNameError, match=r"no gripper named 'claw'\. Valid: fast_jaw, hook, jaw, slow_jaw, suc"):
+    with pytest.raises(
+        UnknownNameError, match=r"no gripper named 'claw'\. Valid: fast_jaw, hook, jaw, slow_jaw, suc.*, wide_"
+    ):
         get_gripper("claw")
 
 

@@ -213,7 +213,7 @@ def test_added_part_is_found_by_its_name_with_its_settings(tmp_path):
 def test_name_clashes_are_errors(tmp_path):
     path = box_file(tmp_path, [60, 20, 10])
     add_user_part(path, name="brick")
-    with pytest.raises(ConfigError, match=r"added before\. Choose another name \(--name\), or overwrite it"):
+    with pytest.raises(ConfigError, match=r"added before\. Choose another name .*, or replace it \(--overwrite\)"):
         add_user_part(path, name="brick")
     with pytest.raises(ConfigError, match="a library part is already named 'hex_nut'"):
         add_user_part(path, name="hex_nut")
@@ -253,7 +253,7 @@ def test_a_file_that_is_neither_binary_nor_text_is_called_damaged(tmp_path, monk
 def test_damaged_entry_says_how_to_mend_it(tmp_path):
     add_user_part(box_file(tmp_path, [60, 20, 10]), name="brick")
     (user_parts.user_parts_dir() / "brick" / "part.json").write_text(json.dumps({"unit": "mm"}))
-    with pytest.raises(MeshError, match="Add it again: simpick parts add FILE --name brick --replace"):
+    with pytest.raises(MeshError, match="Add it again: simpick parts add FILE --name brick --overwrite"):
         get_part("brick")
 
 

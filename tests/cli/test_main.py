@@ -9,6 +9,7 @@ import pytest
 
 from simpick import __version__
 from simpick.cli.main import COMMANDS, main
+from tests.project.source_imports import source_files
 
 WIDTH = 80
 
@@ -50,6 +51,12 @@ def test_help_breaks_lines_only_where_they_are_full(command: str, capsys) -> Non
 @pytest.mark.parametrize("former", ["--noise", "--scenes", "--perception", "--replace", "--estimators"])
 def test_an_option_has_one_name_in_all_commands(former: str, capsys) -> None:
     assert [command for command in COMMANDS if f"{former} " in help_of(command, capsys)] == []
+
+
+@pytest.mark.parametrize("former", ["--scenes", "--perception", "--replace", "simpick yardstick"])
+def test_no_text_names_what_is_called_otherwise_now(former: str) -> None:
+    naming = [module for module, file in source_files().items() if former in file.read_text()]
+    assert [module for module in naming if module != "simpick.cli.main"] == []
 
 
 def test_the_overview_is_one_line_per_command(capsys) -> None:

@@ -36,6 +36,15 @@ def test_poses_survive_the_round_trip(seed: int) -> None:
     assert decoded[1] == pytest.approx(opening, abs=1e-7)
 
 
+@pytest.mark.parametrize(("opening_m", "max_opening_m"), [(0.12, 0.14), (0.0, 0.0)])
+def test_openings_are_those_of_the_gripper(opening_m: float, max_opening_m: float) -> None:
+    T = transform(translation=WORKSPACE.centre_m)
+    action = encode_action(T, opening_m, WORKSPACE, max_opening_m)
+    assert action in action_space()
+    decoded = decode_action(action, WORKSPACE, max_opening_m)
+    assert decoded is not None and decoded[1] == pytest.approx(opening_m, abs=1e-7)
+
+
 @given(st.lists(st.floats(-1, 1, width=32), min_size=10, max_size=10))
 def test_every_action_is_a_pose_or_abstains(values: list[float]) -> None:
     decoded = decode_action(np.array(values, np.float32), WORKSPACE)
