@@ -16,17 +16,19 @@ from simpick.estimators.pose_selection import best_per_group, distinct_poses
 from simpick.estimators.refiner.alignment import Alignment, Target, align
 from simpick.estimators.refiner.config import AlignmentLevel, RefinerConfig
 from simpick.estimators.refiner.levenberg_marquardt import minimise
-from simpick.estimators.refiner.part_renderers import PartRenderers
 from simpick.estimators.refiner.query_maps import QueryMaps, query_maps
 from simpick.estimators.refiner.rendered_maps import rendered_maps
 from simpick.estimators.valid_detections import check_onboarded, detection_mask, has_shape
 from simpick.geometry import VirtualCameras, box_of_mask, invert
 from simpick.records import CameraFrame, Detection, PoseHypothesis
+from simpick.rendering import RenderQuality
+from simpick.rendering.part_renderers import PartRenderers
 from simpick.tensor_record import TensorRecord
 
 _SOFTNESS = 0.35
 """Misfit at which the score is 1/e."""
 _LEAST_MASK_PX = 16
+_DEPTH_ONLY = RenderQuality(shadow_map_px=0, samples=0)
 
 
 class Refiner(Closing):
@@ -38,7 +40,7 @@ class Refiner(Closing):
     def __init__(self, config: RefinerConfig | None = None) -> None:
         self.config = config or RefinerConfig()
         self._parts: dict[str, Part] = {}
-        self._renderers = PartRenderers(self.config.renderers, max(level.size_px for level in self.config.levels))
+        self._renderers = PartRenderers(self.config.renderers, quality=_DEPTH_ONLY)
 
     def onboard(self, part: Part) -> None:
         """Register the part; its renderer is made when it is first needed."""
@@ -195,7 +197,10 @@ class _LevelSearch:
         """Return how well these poses fit; `rows` says whose they are."""
         of = self._detection[rows]
         cameras = VirtualCameras(self._cameras.size_px, self._cameras.focal_px[of], self._cameras.Rs_crop_camera[of])
-        depth_m = torch.from_numpy(self._renderers.depth(self._part, Ts_crop_part, cameras))
+        largest_px = max(level.size_px for level in self._config.levels)
+        renderer = self._renderers.get(self._part, largest_px, largest_px)
+        pinholes = [cameras.pinhole(k) for k in range(len(cameras))]
+        depth_m = torch.from_numpy(renderer.render(Ts_crop_part, pinholes, rgb=False).depth_m)
         origin_m = torch.from_numpy(Ts_crop_part[:, 2, 3]).float()
         centres = torch.from_numpy(Ts_crop_part[:, :2, 3] / Ts_crop_part[:, 2:3, 3]).float()
         with torch.inference_mode():

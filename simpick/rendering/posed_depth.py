@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
-
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from simpick.assets.part import Part
 from simpick.closing import Closing
 from simpick.geometry import Pinhole
-from simpick.rendering.part_views import PartRenderer
+from simpick.rendering.part_renderers import PartRenderers
 
 _MAX_RENDERERS = 32
 """OpenGL contexts kept open at once. Making one takes longer than rendering dozens of images, so mixed bins need one
@@ -21,7 +19,7 @@ class PosedDepthRenderer(Closing):
     """Renders depth of single parts and keeps its OpenGL contexts between calls. A context manager."""
 
     def __init__(self) -> None:
-        self._renderers: OrderedDict[tuple[str, str, int, int], PartRenderer] = OrderedDict()
+        self._renderers = PartRenderers(_MAX_RENDERERS)
 
     def render(
         self, part: Part, Ts_camera_part: Float[np.ndarray, "n 4 4"], camera: Pinhole
@@ -41,7 +39,7 @@ class PosedDepthRenderer(Closing):
         windows = [
             Pinhole(width, height, camera.fx, camera.fy, camera.cx - float(x), camera.cy - float(y)) for x, y in corners
         ]
-        renderer = self._renderer(part, camera)
+        renderer = self._renderers.get(part, camera.height, camera.width)
         views = renderer.render(Ts_camera_part[seen], windows, rgb=False).depth_m
         for k, (x, y), view in zip(seen, corners, views, strict=True):
             depth_m[k, y : y + height, x : x + width] = view
@@ -49,17 +47,7 @@ class PosedDepthRenderer(Closing):
 
     def close(self) -> None:
         """Free the OpenGL contexts; may be called again."""
-        while self._renderers:
-            self._renderers.popitem()[1].close()
-
-    def _renderer(self, part: Part, camera: Pinhole) -> PartRenderer:
-        key = part.name, part.content_hash, camera.height, camera.width
-        if key not in self._renderers:
-            if len(self._renderers) >= _MAX_RENDERERS:
-                self._renderers.popitem(last=False)[1].close()
-            self._renderers[key] = PartRenderer(part, camera.height, camera.width)
-        self._renderers.move_to_end(key)
-        return self._renderers[key]
+        self._renderers.close()
 
 
 def _windows(

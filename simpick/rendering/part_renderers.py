@@ -1,0 +1,33 @@
+"""`PartRenderers`: a least-recently-used cache of OpenGL renderers, one per part and image size."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+
+from simpick.assets.part import Part
+from simpick.closing import Closing
+from simpick.rendering.part_views import PART_QUALITY, PartRenderer
+from simpick.rendering.renderer import RenderQuality
+
+
+class PartRenderers(Closing):
+    """Keeps at most `count` renderers open."""
+
+    def __init__(self, count: int, *, quality: RenderQuality = PART_QUALITY) -> None:
+        self._count, self._quality = count, quality
+        self._renderers: OrderedDict[tuple[str, int, int], PartRenderer] = OrderedDict()
+
+    def get(self, part: Part, height: int, width: int) -> PartRenderer:
+        """Return the renderer of a part for images of at most this size; it may be closed by the next call."""
+        key = part.content_hash, height, width
+        if key not in self._renderers:
+            while len(self._renderers) >= self._count:
+                self._renderers.popitem(last=False)[1].close()
+            self._renderers[key] = PartRenderer(part, height, width, quality=self._quality)
+        self._renderers.move_to_end(key)
+        return self._renderers[key]
+
+    def close(self) -> None:
+        """Free all OpenGL contexts; may be called again, and `get` makes new ones."""
+        while self._renderers:
+            self._renderers.popitem()[1].close()
