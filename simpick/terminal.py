@@ -26,8 +26,8 @@ class Console(rich_console.Console):
     """The terminal, or a file in its place."""
 
     def print_line(self, text: str) -> None:
-        """Print text that only the terminal wraps, so that a path can be copied."""
-        self.print(text, soft_wrap=True)
+        """Print text as it is; only the terminal wraps it, so that a path can be copied."""
+        self.print(text, soft_wrap=True, markup=False)
 
 
 def narrow_table(

@@ -135,7 +135,7 @@ class Evaluate(Config):
         self._print(console, evaluation, f"{method} on {dataset.name}, {self.detections} detections")
         if self.results_out is not None:
             write_results(self.results_out, lines)
-            console.print(f"results: {self.results_out}")
+            console.print_line(f"results: {self.results_out}")
         return 0
 
     def _run_bins(self) -> int:
@@ -178,7 +178,7 @@ class Evaluate(Config):
         if writer is not None and self.export is not None:
             name = f"detections_{self.detections}_{seeds[0]}-{seeds[-1]}.json"
             write_detections(self.export / name, found, writer.obj_ids.__getitem__)
-            console.print(f"data set: {self.export}")
+            console.print_line(f"data set: {self.export}")
         return 0
 
     @staticmethod

@@ -105,7 +105,7 @@ class PoseBenchmark(Config):
             console.print(f"estimated and scored in {elapsed_s:.0f} s{at_once}{asked}")
             if store is not None:
                 store.add(result)
-                console.print(f"figures: {store.file}")
+                console.print_line(f"figures: {store.file}")
             results.append(result)
         if (table := gains_table(gains(results))) is not None:
             console.print(table)

@@ -51,7 +51,7 @@ class TemplatesShow(Config):
             templates = load_templates(part, config, progress=lambda done, _: bar.update(task, completed=done))
         elapsed_s = time.perf_counter() - start
         write_image(self.out, template_sheet(templates, columns=self.columns))
-        console.print(f"{len(templates)} templates of {part.name} in {elapsed_s:.2f} s: {self.out}")
+        console.print_line(f"{len(templates)} templates of {part.name} in {elapsed_s:.2f} s: {self.out}")
         return 0
 
 
