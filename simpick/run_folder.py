@@ -74,10 +74,12 @@ class RunFolder:
             if is_owner and not file.exists():
                 self._refuse_other_files()
             if overwrite:
-                # The configuration last: what is left after a kill is still known as a run's folder.
-                for old in (old for pattern in (*results, config_file) for old in path.glob(pattern)):
+                # The configuration last: what is left after a kill is still known as a run's folder. Without
+                # provenance, the file is itself the result, which the first write replaces.
+                patterns = results if provenance is None else (*results, config_file)
+                for old in (old for pattern in patterns for old in path.glob(pattern)):
                     old.unlink()
-            found = _read(file, remedy) if file.exists() else None
+            found = _read(file, remedy) if file.exists() and not overwrite else None
         except OSError as error:
             if isinstance(error, OutputError):
                 raise

@@ -37,8 +37,10 @@ def test_without_provenance_nothing_is_resumed(tmp_path: Path) -> None:
     folder.write("figures.json", "{}")
     with pytest.raises(OutputError, match=r"figures\.json exists already\. .* or --overwrite to replace them"):
         RunFolder(tmp_path, None, config_file="figures.json", overwrite=False)
-    RunFolder(tmp_path, None, config_file="figures.json", overwrite=True)
-    assert list(tmp_path.iterdir()) == []
+    folder = RunFolder(tmp_path, None, config_file="figures.json", overwrite=True)
+    assert (tmp_path / "figures.json").read_text() == "{}", "kept until there are new figures"
+    folder.write("figures.json", "[]")
+    assert (tmp_path / "figures.json").read_text() == "[]"
 
 
 def test_overwriting_spares_other_files_and_folders_of_others(tmp_path: Path) -> None:
