@@ -94,9 +94,5 @@ def hose_barb() -> Part:
     hexagon = s.extrude(s.regular(6, 22.0), -3.0, 6.0)
     spigot = s.revolve([(0, -20), (7.6, -20), (8.6, -19), (8.6, -2), (0, -2)])
     solid = s.cut(s.union(tail, hexagon, spigot), s.cylinder(4.0, -21.0, 35.0))
-    pieces = [
-        s.extrude(s.regular(6, 22.0), -3.0, 6.0),
-        s.round_piece(7.0, 6.0, 34.0),
-        s.round_piece(8.6, -20.0, -3.0),
-    ]
+    pieces = [s.extrude(s.regular(6, 22.0), -3.0, 6.0), s.round_piece(7.0, 6.0, 34.0), s.round_piece(8.6, -20.0, -3.0)]
     return s.finish("hose_barb", solid, pieces, GREY_PVC, SymmetryGroup.cyclic(6))

@@ -37,14 +37,7 @@ def add_part(
     body.mass = part.mass_kg
     body.ipos = np.asarray(part.solid.center_mass)
     inertia = part.density_kg_m3 * np.asarray(part.solid.moment_inertia)
-    body.fullinertia = [
-        inertia[0, 0],
-        inertia[1, 1],
-        inertia[2, 2],
-        inertia[0, 1],
-        inertia[0, 2],
-        inertia[1, 2],
-    ]
+    body.fullinertia = [inertia[0, 0], inertia[1, 1], inertia[2, 2], inertia[0, 1], inertia[0, 2], inertia[1, 2]]
 
     visual = _shared_mesh(spec, f"{part.name}/visual", part.mesh, shaded=True)
     geom = body.add_geom(name=f"{body_name}/visual", type=mujoco.mjtGeom.mjGEOM_MESH, meshname=visual)

@@ -58,10 +58,7 @@ def observation_table(width: int, height: int) -> tuple[ObservationItem, ...]:
     return (
         ObservationItem("rgb", "overhead image", "", box(0, 255, (height, width, 3), np.uint8)),
         ObservationItem(
-            "depth",
-            "distance along the optical axis; 0: no reading",
-            "m",
-            box(0.0, FAR_M, (height, width), np.float32),
+            "depth", "distance along the optical axis; 0: no reading", "m", box(0.0, FAR_M, (height, width), np.float32)
         ),
         ObservationItem(
             "segmentation",

@@ -72,10 +72,7 @@ class Outer(Config):
         ({"window": 1, "on": 1}, "on must be True or False, got 1"),
         ({"window": 1, "either": 1.5}, "either must be an integer or a string, got 1.5"),
         ({"window": 1, "inner": None}, "inner must be of type Inner, got None"),
-        (
-            {"window": 0, "share": 2.0},
-            "window must be at least 1, got 0; share must be between 0 and 1, got 2.0",
-        ),
+        ({"window": 0, "share": 2.0}, "window must be at least 1, got 0; share must be between 0 and 1, got 2.0"),
     ],
 )
 def test_construction_reports_every_field_that_is_wrong(values: dict[str, Any], text: str) -> None:

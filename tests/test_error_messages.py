@@ -58,10 +58,7 @@ MESSAGES: list[tuple[Callable[[], object], str]] = [
         "estimator must be a name alone, got the mode 'fine@8+closer' of a comparison; set hypotheses, noise_deg, "
         "noise_mm and look_closer instead",
     ),
-    (
-        lambda: BinConfig(width_m=300.0),
-        "width_m must be between 0.05 and 1, got 300.0 (give metres, not millimetres)",
-    ),
+    (lambda: BinConfig(width_m=300.0), "width_m must be between 0.05 and 1, got 300.0 (give metres, not millimetres)"),
     (
         lambda: CompareConfig(modes=("orcale", "retrieval", "retrieval")).runs(),
         "modes:\n  - no mode named 'orcale'. Valid: coarse, fine, oracle, oracle_noise, refined, retrieval, "

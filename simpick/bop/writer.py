@@ -17,13 +17,7 @@ import trimesh
 from jaxtyping import Bool, Float
 
 from simpick.assets.part import Part
-from simpick.bop.conventions import (
-    MM_PER_M,
-    bop_from_pinhole,
-    bop_from_symmetries,
-    bop_from_transform,
-    check_rigid,
-)
+from simpick.bop.conventions import MM_PER_M, bop_from_pinhole, bop_from_symmetries, bop_from_transform, check_rigid
 from simpick.bop.images import write_color, write_depth, write_mask
 from simpick.bop.json_files import read_json, read_json_by_id
 from simpick.bop.ply import ply_text

@@ -80,8 +80,6 @@ class Pinhole(Config):
         return np.stack([xx, yy, np.ones_like(xx)], axis=-1)
 
 
-def opencv_from_mujoco_camera(
-    T_world_mjcamera: Float[np.ndarray, "*batch 4 4"],
-) -> Float[np.ndarray, "*batch 4 4"]:
+def opencv_from_mujoco_camera(T_world_mjcamera: Float[np.ndarray, "*batch 4 4"]) -> Float[np.ndarray, "*batch 4 4"]:
     """Return T_world_camera (OpenCV axes) of a MuJoCo or OpenGL camera frame. Its own inverse."""
     return T_world_mjcamera @ _FLIP_YZ

@@ -102,10 +102,7 @@ def test_a_stopped_run_resumes_and_ends_the_same(recorded: list[Path], tmp_path:
             "simpick: bin_mm[0] must be between 50 and 1000, got 0.4 (give millimetres, not metres)",
         ),
         (("--estimator", "retrieval", "--noise-mm", "1"), "simpick: noise_deg and noise_mm are for estimator 'oracle'"),
-        (
-            ("--hypotheses", "4"),
-            "simpick: the oracle knows one pose and makes no hypotheses, got hypotheses=4",
-        ),
+        (("--hypotheses", "4"), "simpick: the oracle knows one pose and makes no hypotheses, got hypotheses=4"),
         (("--estimator", "retrieval", "--hypotheses", "0"), "simpick: hypotheses must be at least 1, got 0"),
         (("--workers", "0"), "workers must be at least 1, got 0"),
     ],

@@ -10,11 +10,7 @@ from gymnasium.utils.env_checker import check_env
 
 import simpick  # noqa: F401 - registers the environments
 from simpick.envs.bin_servo import COLLISION_COST, BinServoEnv
-from simpick.envs.servo_spaces import (
-    MAX_ANGULAR_SPEED_RAD_S,
-    MAX_LINEAR_SPEED_M_S,
-    SERVO_WORKSPACE,
-)
+from simpick.envs.servo_spaces import MAX_ANGULAR_SPEED_RAD_S, MAX_LINEAR_SPEED_M_S, SERVO_WORKSPACE
 from simpick.errors import ConfigError
 from simpick.geometry import so3_log, transform
 from simpick.scene.workspace import CHUTE_CENTRE_M
@@ -63,11 +59,7 @@ def steer(env: BinServoEnv, target: np.ndarray, gripper: float = 0.0, ticks: int
 @pytest.mark.render
 def test_gymnasium_accepts_it() -> None:
     env = gymnasium.make(
-        "simpick/BinServo-v0",
-        parts=("hex_nut",),
-        count=1,
-        image_size=(48, 32),
-        render_mode="rgb_array",
+        "simpick/BinServo-v0", parts=("hex_nut",), count=1, image_size=(48, 32), render_mode="rgb_array"
     )
     check_env(env.unwrapped)
     env.close()

@@ -62,10 +62,7 @@ def test_groups_are_closed(group: SymmetryGroup) -> None:
 
 @pytest.mark.parametrize(
     "discrete",
-    [
-        so3_exp(np.array([[0.0, 0.0, 2 * np.pi / 3]])),
-        so3_exp(np.pi * np.eye(3)[:2]),
-    ],
+    [so3_exp(np.array([[0.0, 0.0, 2 * np.pi / 3]])), so3_exp(np.pi * np.eye(3)[:2])],
     ids=["third turn without its double", "two half turns without their product"],
 )
 def test_incomplete_lists_are_detected(discrete: np.ndarray) -> None:

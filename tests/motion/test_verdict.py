@@ -47,13 +47,7 @@ CASES = {
     "slipped": (
         PickOutcome.SLIPPED,
         "part_01 slipped out of the gripper at stage lift with the TCP 80 mm",
-        {
-            "gripped": (1,),
-            "lost_at": "lift",
-            "lost_in_bin": True,
-            "lost_height_m": 0.08,
-            "in_bin_after": BEFORE,
-        },
+        {"gripped": (1,), "lost_at": "lift", "lost_in_bin": True, "lost_height_m": 0.08, "in_bin_after": BEFORE},
     ),
     "dropped back into the bin": (
         PickOutcome.DROPPED,

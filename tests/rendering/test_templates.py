@@ -6,13 +6,7 @@ import pytest
 
 from simpick.cli.templates import TemplatesShow
 from simpick.errors import ConfigError, OutputError
-from simpick.rendering import (
-    TemplateConfig,
-    load_templates,
-    render_part_views,
-    template_sheet,
-    view_directions,
-)
+from simpick.rendering import TemplateConfig, load_templates, render_part_views, template_sheet, view_directions
 from simpick.rendering import templates as templates_module
 from simpick.rendering.templates import template_path
 

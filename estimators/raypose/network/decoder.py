@@ -9,13 +9,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from simpick.estimators.raypose.network.config import RayPoseConfig
-from simpick.estimators.raypose.network.layers import (
-    DiTBlock,
-    KeysValues,
-    TimestepEmbedder,
-    adaln_modulation,
-    modulate,
-)
+from simpick.estimators.raypose.network.layers import DiTBlock, KeysValues, TimestepEmbedder, adaln_modulation, modulate
 from simpick.estimators.raypose.network.pose_maps import CHANNELS, canonical_rays, encode_offsets
 
 

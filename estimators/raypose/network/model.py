@@ -10,11 +10,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from simpick.estimators.raypose.network.cell_geometry import (
-    cells_per_token,
-    coarser_geometry,
-    coverage_and_centroids,
-)
+from simpick.estimators.raypose.network.cell_geometry import cells_per_token, coarser_geometry, coverage_and_centroids
 from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.network.decoder import Decoder
 from simpick.estimators.raypose.network.encoders.convolutional_encoder import ConvolutionalEncoder

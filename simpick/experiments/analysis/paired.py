@@ -18,13 +18,7 @@ from jaxtyping import Float, Int
 
 from simpick.experiments.analysis.grasp_scores import ABSTENTIONS, first_try_successes, perception_time_s
 from simpick.experiments.result_store import EpisodeResult
-from simpick.metrics.intervals import (
-    Interval,
-    percentile_interval,
-    resample_bins,
-    resampled_median,
-    resampled_ratio,
-)
+from simpick.metrics.intervals import Interval, percentile_interval, resample_bins, resampled_median, resampled_ratio
 from simpick.records import PickOutcome, PickRecord
 
 RESAMPLES = 2000
@@ -192,9 +186,7 @@ def _sums(result: EpisodeResult) -> Mapping[str, float]:
     }
 
 
-def _errors(
-    results: Sequence[EpisodeResult],
-) -> tuple[dict[str, Float[np.ndarray, "n"]], Int[np.ndarray, "n"]]:
+def _errors(results: Sequence[EpisodeResult]) -> tuple[dict[str, Float[np.ndarray, "n"]], Int[np.ndarray, "n"]]:
     """Return the pose errors of all attempts, and which of `results` each comes from."""
     rows = [
         (k, pick.pose_error.rotation_deg, pick.pose_error.translation_mm, abs(pick.pose_error.depth_mm))

@@ -12,12 +12,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 from torch.nn import functional as F
 
-from simpick.estimators.raypose.crops.template_choice import (
-    align_turns,
-    draw_around,
-    draw_over_sphere,
-    view_angles,
-)
+from simpick.estimators.raypose.crops.template_choice import align_turns, draw_around, draw_over_sphere, view_angles
 from simpick.estimators.raypose.crops.template_crops import TemplateCrops, collate, crop_templates
 from simpick.estimators.raypose.crops.virtual_recrops import VirtualRecrops, aim_virtual_recrops, sample_virtual_recrops
 from simpick.estimators.raypose.network.config import RayPoseConfig

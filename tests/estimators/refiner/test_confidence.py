@@ -8,12 +8,7 @@ import numpy as np
 import pytest
 
 from simpick.errors import ConfigError
-from simpick.estimators.refiner.confidence import (
-    Confidence,
-    confidence_features,
-    fit_confidence,
-    read_confidence,
-)
+from simpick.estimators.refiner.confidence import Confidence, confidence_features, fit_confidence, read_confidence
 from simpick.pose_eval.refiner_calibration import write_confidence
 from simpick.records import PoseHypothesis
 

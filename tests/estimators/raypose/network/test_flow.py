@@ -47,9 +47,7 @@ def scene(seed: int = 0) -> tuple[FlowCells, torch.Tensor, SolvedPoses]:
     query = field(torch.stack([columns, rows], dim=-1).flatten(0, 1)).expand(BATCH, -1, -1)
     descriptors = field(project(points, HALF_TANGENT, truth)[0][:, 0])
     cells = FlowCells(
-        descriptors.unflatten(1, (VIEWS, CELLS)),
-        points.unflatten(1, (VIEWS, CELLS)),
-        torch.ones(BATCH, VIEWS, CELLS),
+        descriptors.unflatten(1, (VIEWS, CELLS)), points.unflatten(1, (VIEWS, CELLS)), torch.ones(BATCH, VIEWS, CELLS)
     )
     return cells, query, truth
 
