@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import trimesh
 
-from simpick.assets.part import Part
+from simpick.assets.part import Material, Part
 from simpick.assets.shading import split_at_creases
 
 VISUAL_GROUP = 2
@@ -40,21 +40,19 @@ def add_part(
     body.fullinertia = [inertia[0, 0], inertia[1, 1], inertia[2, 2], inertia[0, 1], inertia[0, 2], inertia[1, 2]]
 
     visual = _shared_mesh(spec, f"{part.name}/visual", part.mesh, shaded=True)
-    geom = body.add_geom(name=f"{body_name}/visual", type=mujoco.mjtGeom.mjGEOM_MESH, meshname=visual)
-    geom.contype = geom.conaffinity = 0
-    geom.group = VISUAL_GROUP
-    geom.mass = 0.0
-    if material is not None:
-        geom.material = material
-    else:
-        geom.material = _shared_material(spec, part)
-    if collide:
-        for k, piece in enumerate(part.collision):
-            mesh = _shared_mesh(spec, f"{part.name}/collision_{k}", piece)
-            geom = body.add_geom(name=f"{body_name}/collision_{k}", type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh)
-            geom.group = COLLISION_GROUP
-            geom.mass = 0.0
-            geom.rgba = [0.8, 0.3, 0.3, 0.4]
+    if material is None:
+        material = f"{part.name}/material"
+        add_material(spec, material, part.material)
+    body.add_geom(
+        name=f"{body_name}/visual", type=mujoco.mjtGeom.mjGEOM_MESH, meshname=visual, material=material,
+        group=VISUAL_GROUP, contype=0, conaffinity=0, mass=0.0,
+    )  # fmt: skip
+    for k, piece in enumerate(part.collision if collide else ()):
+        mesh = _shared_mesh(spec, f"{part.name}/collision_{k}", piece)
+        body.add_geom(
+            name=f"{body_name}/collision_{k}", type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh,
+            group=COLLISION_GROUP, mass=0.0, rgba=[0.8, 0.3, 0.3, 0.4],
+        )  # fmt: skip
     return body
 
 
@@ -72,15 +70,10 @@ def _shared_mesh(spec: mujoco.MjSpec, name: str, mesh: trimesh.Trimesh, *, shade
     return name
 
 
-def _shared_material(spec: mujoco.MjSpec, part: Part) -> str:
-    name = f"{part.name}/material"
+def add_material(spec: mujoco.MjSpec, name: str, look: Material) -> None:
+    """Add a material of this look, unless `spec` has one of this name."""
     if spec.material(name) is None:
-        look = part.material
         spec.add_material(
-            name=name,
-            rgba=[*look.rgb, 1.0],
-            specular=look.specular,
-            shininess=look.shininess,
-            reflectance=look.reflectance,
-        )
-    return name
+            name=name, rgba=[*look.rgb, 1.0],
+            specular=look.specular, shininess=look.shininess, reflectance=look.reflectance,
+        )  # fmt: skip

@@ -164,15 +164,10 @@ def _add_palm(base: mujoco.MjsBody) -> None:
     steel = [0.62, 0.63, 0.65, 1.0]
     px, py, pz = PALM_HALF_M
     _solid(base, f"{GRIPPER_PREFIX}palm", [px, py, pz], [0, 0, PALM_BOTTOM_M - pz], shell, _PALM_MASS_KG * 0.8)
-    adapter = base.add_geom(
-        name=f"{GRIPPER_PREFIX}adapter",
-        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-        size=[0.034, 0.0105, 0],
-        pos=[0, 0, 0.0105],
-        rgba=steel,
-        group=VISUAL_GROUP,
-    )
-    adapter.mass = _PALM_MASS_KG * 0.2
+    base.add_geom(
+        name=f"{GRIPPER_PREFIX}adapter", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[0.034, 0.0105, 0],
+        pos=[0, 0, 0.0105], rgba=steel, group=VISUAL_GROUP, mass=_PALM_MASS_KG * 0.2,
+    )  # fmt: skip
     for name, size, pos, rgba in (
         ("rail", [px - 0.004, 0.006, 0.002], [0, 0, PALM_BOTTOM_M], steel),
         ("band", [px + 0.0005, py + 0.0005, 0.003], [0, 0, 0.034], [0.05, 0.35, 0.62, 1.0]),
@@ -238,9 +233,8 @@ def _add_finger(base: mujoco.MjsBody, side: str, sign: float) -> None:
 def _solid(
     body: mujoco.MjsBody, name: str, half: list[float], pos: list[float], rgba: list[float], mass: float
 ) -> mujoco.MjsGeom:
-    geom = body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_BOX, size=half, pos=pos, rgba=rgba, group=VISUAL_GROUP)
-    geom.mass = mass
-    return geom
+    kind = mujoco.mjtGeom.mjGEOM_BOX
+    return body.add_geom(name=name, type=kind, size=half, pos=pos, rgba=rgba, group=VISUAL_GROUP, mass=mass)
 
 
 def _decoration(body: mujoco.MjsBody, name: str, half: list[float], pos: list[float], rgba: list[float]) -> None:

@@ -218,13 +218,7 @@ class SuctionGripper:
 def _cylinder(
     body: mujoco.MjsBody, name: str, radius: float, z_from: float, z_to: float, rgba: list[float], mass: float
 ) -> mujoco.MjsGeom:
-    geom = body.add_geom(
-        name=name,
-        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-        size=[radius, (z_to - z_from) / 2, 0],
-        pos=[0, 0, (z_from + z_to) / 2],
-        rgba=rgba,
-        group=VISUAL_GROUP,
-    )
-    geom.mass = mass
-    return geom
+    return body.add_geom(
+        name=name, type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[radius, (z_to - z_from) / 2, 0],
+        pos=[0, 0, (z_from + z_to) / 2], rgba=rgba, group=VISUAL_GROUP, mass=mass,
+    )  # fmt: skip

@@ -27,10 +27,10 @@ def add_arena(
     _add_material(spec, "bin", bin_texture, mujoco.mjtTexture.mjTEXTURE_CUBE, repeat=1.0, specular=0.25)
     spec.add_material(name="chute", rgba=[0.42, 0.40, 0.36, 1.0], specular=0.2, shininess=0.3)
 
-    table = spec.worldbody.add_geom(name="table", type=mujoco.mjtGeom.mjGEOM_PLANE, material="table")
-    table.pos = [0.4, 0.0, TABLE_Z_M]
-    table.size = [_TABLE_HALF_SIDE_M, _TABLE_HALF_SIDE_M, 0.1]
-    table.group = ARENA_GROUP
+    table = spec.worldbody.add_geom(
+        name="table", type=mujoco.mjtGeom.mjGEOM_PLANE, material="table", group=ARENA_GROUP,
+        pos=[0.4, 0.0, TABLE_Z_M], size=[_TABLE_HALF_SIDE_M, _TABLE_HALF_SIDE_M, 0.1],
+    )  # fmt: skip
     set_part_contact(table, physics)
 
     _add_container(spec, "bin", BIN_CENTRE_M, bin, physics)
@@ -52,10 +52,10 @@ def _add_container(
         "wall_left": ((0, half_y + wall / 2, depth / 2), (half_x, wall / 2, depth / 2)),
     }
     for part, (position, half_sides) in boxes.items():
-        geom = body.add_geom(name=f"{name}/{part}", type=mujoco.mjtGeom.mjGEOM_BOX, material=name)
-        geom.pos = position
-        geom.size = half_sides
-        geom.group = ARENA_GROUP
+        geom = body.add_geom(
+            name=f"{name}/{part}", type=mujoco.mjtGeom.mjGEOM_BOX, material=name, group=ARENA_GROUP,
+            pos=position, size=half_sides,
+        )  # fmt: skip
         set_part_contact(geom, physics)
 
 

@@ -50,13 +50,11 @@ def add_wrist_camera(body: mujoco.MjsBody, T_body_flange: Float[np.ndarray, "4 4
 def _add_look(
     body: mujoco.MjsBody, name: str, T_body_box: Float[np.ndarray, "4 4"], half_sides_m: tuple[float, float, float]
 ) -> None:
-    geom = body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_BOX, size=half_sides_m)
-    geom.pos = T_body_box[:3, 3]
-    geom.quat = quaternion_from_matrix(T_body_box[:3, :3])
-    geom.rgba = [0.12, 0.12, 0.13, 1.0]
-    geom.group = VISUAL_GROUP
-    geom.contype = geom.conaffinity = 0
-    geom.mass = 0.0
+    body.add_geom(
+        name=name, type=mujoco.mjtGeom.mjGEOM_BOX, size=half_sides_m, rgba=[0.12, 0.12, 0.13, 1.0],
+        pos=T_body_box[:3, 3], quat=quaternion_from_matrix(T_body_box[:3, :3]),
+        group=VISUAL_GROUP, contype=0, conaffinity=0, mass=0.0,
+    )  # fmt: skip
 
 
 def _add(body: mujoco.MjsBody, name: str, T_body_camera: Float[np.ndarray, "4 4"], config: CameraConfig) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from simpick.assets.mjcf import COLLISION_GROUP, add_part
+from simpick.assets.mjcf import COLLISION_GROUP, add_material, add_part
 from simpick.assets.part import Part
 from simpick.assets.robots.registry import get_robot
 from simpick.errors import SceneError
@@ -120,13 +120,7 @@ def _add_instance(
     if tint is not None:
         look = tint.applied_to(part.material)
         material = material_name(instance)
-        spec.add_material(
-            name=material,
-            rgba=[*look.rgb, 1.0],
-            specular=look.specular,
-            shininess=look.shininess,
-            reflectance=look.reflectance,
-        )
+        add_material(spec, material, look)
     body = add_part(spec, part, name, material=material)
     for geom in body.geoms:
         if geom.group == COLLISION_GROUP:
