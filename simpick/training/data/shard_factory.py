@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -29,22 +26,6 @@ VERSION = 1
 _BINS = 5
 
 
-@dataclass
-class ShardTimes:
-    """Wall-clock seconds per phase, summed over shards."""
-
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    @contextmanager
-    def phase(self, name: str) -> Iterator[None]:
-        """Add the time of the body."""
-        start = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
-
-
 @dataclass(frozen=True, eq=False)
 class _Query:
     rgb: UInt8[np.ndarray, "size size 3"]
@@ -58,10 +39,8 @@ class _Query:
     instance: int
 
 
-def make_shard(config: DataConfig, index: int, *, split: Split, times: ShardTimes | None = None) -> Shard:
+def make_shard(config: DataConfig, index: int, *, split: Split) -> Shard:
     """Return the shard of this index: the same in every process, and of a part of this split only.
-
-    The times of the phases are added to `times`.
 
     Raises:
         ConfigError: the index is negative, or no instance is as visible as the configuration requires.
@@ -69,15 +48,12 @@ def make_shard(config: DataConfig, index: int, *, split: Split, times: ShardTime
     """
     if index < 0:
         raise ConfigError(f"index of a shard must not be negative, got {index}")
-    times = times or ShardTimes()
     rng = np.random.default_rng([config.seed, split == "validation", 0, index])
-    with times.phase("part"):
-        part = random_part(random_part_seed(rng, split))
+    part = random_part(random_part_seed(rng, split))
     queries: list[_Query] = []
     for _ in range(_BINS):
-        with times.phase("settle"):
-            scene = random_bin(config, part, rng, split)
-        queries = _look_around(config, scene, part, rng, times)
+        scene = random_bin(config, part, rng, split)
+        queries = _look_around(config, scene, part, rng)
         if queries:
             break
     else:
@@ -85,8 +61,7 @@ def make_shard(config: DataConfig, index: int, *, split: Split, times: ShardTime
             f"an instance of {part.name} must show {config.min_visible_px} px and a share of"
             f" {config.min_visible_fraction:.2f}, none did in {_BINS} bins; lower these limits, or raise diameter_px"
         )
-    with times.phase("templates"):
-        templates = render_templates(part, config.templates)
+    templates = render_templates(part, config.templates)
     return Shard(
         part=part.name,
         diameter_m=part.diameter_m,
@@ -104,9 +79,7 @@ def make_shard(config: DataConfig, index: int, *, split: Split, times: ShardTime
     )
 
 
-def _look_around(
-    config: DataConfig, scene: Scene, part: Part, rng: np.random.Generator, times: ShardTimes
-) -> list[_Query]:
+def _look_around(config: DataConfig, scene: Scene, part: Part, rng: np.random.Generator) -> list[_Query]:
     """Return queries from view after view until there are enough."""
     own = [i.instance for i in scene.instances if i.part.name == part.name]
     targets_m = scene.positions_m[own]
@@ -114,11 +87,10 @@ def _look_around(
     with SceneRenderer(scene) as renderer:
         for view in range(config.cameras):
             viewpoint = draw_viewpoint(config, targets_m, part.diameter_m, rng)
-            with times.phase("relight"):
-                relight(scene, draw_view_look(config, len(scene.instances), rng))
-                renderer.renderer.upload_textures()
+            relight(scene, draw_view_look(config, len(scene.instances), rng))
+            renderer.renderer.upload_textures()
             wanted = min(config.queries_per_camera, config.queries - len(queries))
-            queries += _queries_of_view(config, renderer, scene, viewpoint, view, own, wanted, rng, times)
+            queries += _queries_of_view(config, renderer, scene, viewpoint, view, own, wanted, rng)
             if len(queries) == config.queries:
                 break
     return queries
@@ -139,31 +111,27 @@ def _queries_of_view(
     own: list[int],
     wanted: int,
     rng: np.random.Generator,
-    times: ShardTimes,
 ) -> list[_Query]:
-    with times.phase("render"):
-        frame = renderer.capture(viewpoint)
+    frame = renderer.capture(viewpoint)
     assert frame.instances is not None and frame.depth_m is not None
     seen = np.bincount(frame.instances[frame.instances >= 0], minlength=len(scene.instances))
     fractions: dict[int, float] = {}
-    with times.phase("visibility"):
-        # Each instance is rendered alone to measure it, so stop when there are enough.
-        for instance in rng.permutation([k for k in own if seen[k] >= config.min_visible_px]):
-            if len(fractions) == wanted:
-                break
-            k = int(instance)
-            measured = measure_instance(renderer, k, int(seen[k]), frame.camera, frame.T_world_camera)
-            # Instances cut by the image border are left out: frequent in these zoomed views, rare in real ones.
-            if (
-                measured is not None
-                and measured.fraction >= config.min_visible_fraction
-                and _is_inside(measured, frame.camera)
-            ):
-                fractions[k] = measured.fraction
-    with times.phase("crop"):
-        masks = [frame.instances == k for k in fractions]
-        boxes = np.array([box_of_mask(mask) for mask in masks]).reshape(-1, 4)
-        crops = crop_images(frame.rgb, frame.camera, boxes, config.crop_px, masks=masks, padding=config.crop_padding)
+    # Each instance is rendered alone to measure it, so stop when there are enough.
+    for instance in rng.permutation([k for k in own if seen[k] >= config.min_visible_px]):
+        if len(fractions) == wanted:
+            break
+        k = int(instance)
+        measured = measure_instance(renderer, k, int(seen[k]), frame.camera, frame.T_world_camera)
+        # Instances cut by the image border are left out: frequent in these zoomed views, rare in real ones.
+        if (
+            measured is not None
+            and measured.fraction >= config.min_visible_fraction
+            and _is_inside(measured, frame.camera)
+        ):
+            fractions[k] = measured.fraction
+    masks = [frame.instances == k for k in fractions]
+    boxes = np.array([box_of_mask(mask) for mask in masks]).reshape(-1, 4)
+    crops = crop_images(frame.rgb, frame.camera, boxes, config.crop_px, masks=masks, padding=config.crop_padding)
     assert crops.masks is not None
     Ts_crop_world = crops.cameras.Ts_crop_camera @ invert(frame.T_world_camera)
     return [
