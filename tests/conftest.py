@@ -4,6 +4,7 @@ import os
 import tempfile
 from pathlib import Path
 
+import pytest
 from jaxtyping import install_import_hook
 
 from tests import runtime_types as runtime_types
@@ -14,3 +15,39 @@ _HOOK = install_import_hook("simpick", "tests.runtime_types.check")
 # A test must neither find nor leave anything in the user's cache. One folder for the whole run, so that what is
 # expensive to make (verified grasps, templates) is made once, also across xdist's workers.
 os.environ.setdefault("SIMPICK_CACHE", str(Path(tempfile.gettempdir()) / f"simpick-tests-{os.getuid()}"))
+
+SLOW = (
+    "assets/test_library_parts.py",
+    "assets/test_symmetry_detection.py",
+    "cli/test_compare.py",
+    "cli/test_run.py",
+    "cli/test_sweep.py",
+    "cli/test_train.py",
+    "envs/test_bin_pick.py",
+    "envs/test_bin_pick_vector.py",
+    "envs/test_bin_servo.py",
+    "estimators/raypose/test_estimator.py",
+    "examples/",
+    "experiments/test_closer_look_refines.py",
+    "grasping/test_sampling.py",
+    "motion/test_executor.py",
+    "motion/test_trajectory.py",
+    "policies/",
+    "pose_eval/test_benchmark.py",
+    "project/test_packaging.py",
+    "project/test_public_api.py",
+    "recording/test_rerun_recorder.py",
+    "scene/test_settling.py",
+    "test_workers.py",
+    "training/data/test_shard",
+    "training/test_distributed.py",
+    "training/test_trainer.py",
+)
+"""Files, or beginnings of paths, whose tests run episodes, processes or training; `make quick` leaves them out."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    folder = Path(__file__).parent
+    for item in items:
+        if item.path.relative_to(folder).as_posix().startswith(SLOW):
+            item.add_marker(pytest.mark.slow)
