@@ -135,6 +135,5 @@ def _cached_symmetries(mesh: trimesh.Trimesh) -> SymmetryGroup:
         return {"discrete": found.discrete, "axes": axes}
 
     stored = cached_arrays(path, ("discrete", "axes"), detected)
-    rows = [tuple(float(x) for x in row) for row in stored["axes"]]
-    axes = tuple(ContinuousSymmetry((r[0], r[1], r[2]), (r[3], r[4], r[5])) for r in rows)
+    axes = tuple(ContinuousSymmetry.of(row[:3], row[3:]) for row in stored["axes"])
     return SymmetryGroup(stored["discrete"], axes)

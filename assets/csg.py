@@ -213,4 +213,4 @@ def _moved_axis(symmetry: ContinuousSymmetry, shift: Float[np.ndarray, "3"]) -> 
     # Any point on the axis says the same; the one nearest to the origin is the shortest to read.
     offset = offset - axis * (axis @ offset)
     offset[np.abs(offset) < 1e-12] = 0.0
-    return ContinuousSymmetry(symmetry.axis, (float(offset[0]), float(offset[1]), float(offset[2])))
+    return ContinuousSymmetry.of(axis, offset)

@@ -173,7 +173,7 @@ class _Detector:
 
     def _revolution(self, axis: Float[np.ndarray, "3"]) -> SymmetryGroup:
         offset = self.centre - axis * (axis @ self.centre)
-        continuous = ContinuousSymmetry(_triple(axis), _triple(offset))
+        continuous = ContinuousSymmetry.of(axis, offset)
         flip = so3_exp(np.pi * _any_normal(axis))
         flips = (
             transform(flip, self.centre - flip @ self.centre)[None] if self.is_symmetry(flip) else np.zeros((0, 4, 4))
@@ -187,7 +187,7 @@ class _Detector:
         norm = np.linalg.norm(tilts, axis=1, keepdims=True)
         tilts = np.where(norm > 1e-9, tilts / np.maximum(norm, 1e-9), np.array([1.0, 0.0, 0.0]))
         Rs = so3_exp(tilts * np.arccos(np.clip(directions[:, 2:], -1.0, 1.0)))
-        turn = ContinuousSymmetry((0.0, 0.0, 1.0), _triple(self.centre * [1.0, 1.0, 0.0]))
+        turn = ContinuousSymmetry.of(np.array([0.0, 0.0, 1.0]), self.centre * [1.0, 1.0, 0.0])
         return SymmetryGroup(transform(Rs, self.centre - Rs @ self.centre), (turn,))
 
 
@@ -221,8 +221,3 @@ def _sample(mesh: trimesh.Trimesh, count: int, seed: int) -> tuple[Float[np.ndar
 def _any_normal(axis: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
     normal = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     return normal / np.linalg.norm(normal)
-
-
-def _triple(vector: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
-    x, y, z = (float(v) for v in vector)
-    return (x, y, z)

@@ -82,26 +82,12 @@ class OracleEstimator:
         return [PoseEstimate(d.part, T, d.score, "oracle", elapsed_s, detection=d) for d, T in poses]
 
 
-class OracleRefiner:
+class OracleRefiner(OracleEstimator):
     """Returns true poses with `noise` added: the upper bound of refiners. Implements `PoseRefiner`."""
-
-    def __init__(
-        self,
-        truth: Callable[[], Sequence[InstanceTruth]],
-        noise: PoseNoise | None = None,
-        rng: np.random.Generator | None = None,
-    ) -> None:
-        """Take the arguments of `OracleEstimator`."""
-        self._oracle = OracleEstimator(truth, noise, rng)
-
-    def onboard(self, part: Part) -> None:
-        """Do nothing: the truth needs no templates."""
 
     def refine(
         self, frame: CameraFrame, detections: Sequence[Detection], hypotheses: Sequence[Sequence[PoseHypothesis]]
     ) -> list[tuple[PoseHypothesis, ...]]:
         """Return the true pose of each detection with an instance id, none for others."""
-        found = {
-            id(e.detection): PoseHypothesis(e.T_camera_part, 1.0) for e in self._oracle.estimate(frame, detections)
-        }
+        found = {id(e.detection): PoseHypothesis(e.T_camera_part, 1.0) for e in self.estimate(frame, detections)}
         return [(found[id(d)],) if id(d) in found else () for d in detections]

@@ -115,7 +115,7 @@ def symmetries_from_bop(info: dict[str, Any], T_model_part: Float[np.ndarray, "4
             )
         axis_part = T_part_model[:3, :3] @ (axis / np.linalg.norm(axis))
         offset_part = T_part_model[:3, :3] @ (offset / MM_PER_M) + T_part_model[:3, 3]
-        continuous.append(ContinuousSymmetry(_triple(axis_part), _triple(offset_part)))
+        continuous.append(ContinuousSymmetry.of(axis_part, offset_part))
     return SymmetryGroup(np.array(discrete).reshape(-1, 4, 4), tuple(continuous))
 
 
@@ -143,12 +143,6 @@ def check_rigid(T_model_part: Float[np.ndarray, "4 4"], name: str) -> None:
             f"T_cad_part of part {name!r} must be rigid, in metres, got {T_model_part.tolist()}; move the scale into "
             "the mesh."
         )
-
-
-def _triple(vector: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
-    """Return a vector as three plain numbers."""
-    x, y, z = vector.tolist()
-    return x, y, z
 
 
 def _check_size(u: float, v: float, what: str) -> None:

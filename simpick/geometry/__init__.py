@@ -1,4 +1,4 @@
-"""Geometry: rigid transforms, pinhole cameras, crops, symmetries and mesh sampling.
+"""Geometry: rigid transforms, pinhole cameras, crops, symmetries and farthest points.
 
 Conventions, everywhere in simpick:
 

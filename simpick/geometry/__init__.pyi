@@ -2,10 +2,9 @@ from .crops import CropBatch as CropBatch
 from .crops import VirtualCameras as VirtualCameras
 from .crops import aim_virtual_cameras as aim_virtual_cameras
 from .crops import crop_images as crop_images
+from .farthest_points import farthest_points as farthest_points
 from .image_boxes import box_of_mask as box_of_mask
 from .image_boxes import rotated_boxes as rotated_boxes
-from .mesh_sampling import farthest_points as farthest_points
-from .mesh_sampling import sample_surface as sample_surface
 from .pinhole import Pinhole as Pinhole
 from .pinhole import opencv_from_mujoco_camera as opencv_from_mujoco_camera
 from .symmetry import ContinuousSymmetry as ContinuousSymmetry

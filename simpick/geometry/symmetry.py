@@ -21,6 +21,11 @@ class ContinuousSymmetry:
     offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """A point on the axis."""
 
+    @staticmethod
+    def of(axis: Float[np.ndarray, "3"], offset_m: Float[np.ndarray, "3"]) -> ContinuousSymmetry:
+        """Return the symmetry of these vectors."""
+        return ContinuousSymmetry(tuple(axis.tolist()), tuple(offset_m.tolist()))
+
     def __post_init__(self) -> None:
         norm = np.linalg.norm(self.axis)
         if not (np.isfinite(norm) and norm > 1e-9 and np.isfinite(self.offset_m).all()):

@@ -94,13 +94,8 @@ def _flat(values: Mapping[str, object]) -> dict[str, object]:
 
 
 def _property_array(value: object) -> pa.Array:
-    if isinstance(value, bool | np.bool_):
-        return pa.array([bool(value)], pa.bool_())
-    if isinstance(value, int | np.integer):
-        return pa.array([int(value)], pa.int64())
-    if isinstance(value, float | np.floating):
-        return pa.array([float(value)], pa.float64())
-    return pa.array([value if isinstance(value, str) else json.dumps(value, default=str)], pa.string())
+    plain = value.item() if isinstance(value, np.generic) else value
+    return pa.array([plain if isinstance(plain, bool | int | float | str) else json.dumps(plain, default=str)])
 
 
 class _ArrowComponent:

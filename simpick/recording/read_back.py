@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -107,11 +108,4 @@ def _chunks(path: str | os.PathLike[str]) -> Iterator[tuple[str, pa.RecordBatch]
 
 def _unescaped(part: str) -> str:
     """Undo rerun's escaping of one path part: a backslash makes the next character plain."""
-    plain, escaped = [], False
-    for character in part:
-        if character == "\\" and not escaped:
-            escaped = True
-        else:
-            plain.append(character)
-            escaped = False
-    return "".join(plain)
+    return re.sub(r"\\(.)", r"\1", part, flags=re.DOTALL)

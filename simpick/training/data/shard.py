@@ -145,9 +145,7 @@ def _from_arrays(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> Shard
     Ts_camera_part = arrays["template_Ts_camera_part"]
     depth_m = depth_from_steps(arrays["template_depth_steps"], Ts_camera_part, camera)
     templates = TemplateSet(header["part"], camera, Ts_camera_part, arrays["template_rgb"], depth_m)
-    continuous = tuple(
-        ContinuousSymmetry(tuple(row[:3]), tuple(row[3:])) for row in arrays["symmetries_continuous"].tolist()
-    )
+    continuous = tuple(ContinuousSymmetry.of(row[:3], row[3:]) for row in arrays["symmetries_continuous"])
     shape = arrays["rgb"].shape[:3]
     bits = np.unpackbits(arrays["masks"], axis=-1, count=shape[1] * shape[2])
     query_arrays = {**{name: arrays[name] for name in _QUERY_ARRAYS}, "masks": bits.reshape(shape).astype(bool)}
