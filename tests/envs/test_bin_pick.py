@@ -30,37 +30,34 @@ def test_gymnasium_accepts_it() -> None:
     env.close()
 
 
-def test_reset_reports_success_and_truth() -> None:
-    env = BinPickEnv(count=3)
+def test_reset_reports_success_and_truth(opened) -> None:
+    env = opened(BinPickEnv(count=3))
     observation, info = env.reset(seed=1)
     assert info["is_success"] is False
     assert info["truth"]["T_world_part"].shape == (3, 4, 4) and info["truth"]["in_bin"].all()
     assert observation["remaining"] == 3 and observation["last_outcome"] == 0
-    env.close()
 
 
-def test_every_part_is_seen_and_named() -> None:
-    env = BinPickEnv(parts=["hex_bolt", "pipe_tee"], count=4)
+def test_every_part_is_seen_and_named(opened) -> None:
+    env = opened(BinPickEnv(parts=["hex_bolt", "pipe_tee"], count=4))
     observation, _ = env.reset(seed=2)
     assert set(np.unique(observation["segmentation"])) == {0, 1, 2, 3, 4}
     names = [env.part_names[k] for k in observation["instance_parts"] if k >= 0]
     assert names == [instance.part.name for instance in env.scene.instances]
-    env.close()
 
 
-def test_observations_share_no_memory() -> None:
-    env = BinPickEnv(count=2)
+def test_observations_share_no_memory(opened) -> None:
+    env = opened(BinPickEnv(count=2))
     first, _ = env.reset(seed=0)
     kept = {key: np.array(value, copy=True) for key, value in first.items()}
     second, *_ = env.step(ABSTAIN)
     assert not any(np.shares_memory(first[key], second[key]) for key in ("rgb", "depth", "segmentation"))
     env.step(ABSTAIN)
     assert same_observations(first, kept)
-    env.close()
 
 
-def test_abstaining_twice_ends_the_episode() -> None:
-    env = BinPickEnv(count=2)
+def test_abstaining_twice_ends_the_episode(opened) -> None:
+    env = opened(BinPickEnv(count=2))
     env.reset(seed=0)
     _, reward, terminated, truncated, info = env.step(ABSTAIN)
     assert (reward, terminated, truncated) == (-0.1, False, False)
@@ -68,15 +65,13 @@ def test_abstaining_twice_ends_the_episode() -> None:
     observation, _, terminated, _, info = env.step(ABSTAIN)
     assert terminated and info["ended"] == "consecutive_failures"
     assert outcome_from_index(int(observation["last_outcome"])) is PickOutcome.NO_GRASP
-    env.close()
 
 
-def test_max_picks_truncates() -> None:
-    env = BinPickEnv(count=2, max_picks=1)
+def test_max_picks_truncates(opened) -> None:
+    env = opened(BinPickEnv(count=2, max_picks=1))
     env.reset(seed=0)
     _, _, terminated, truncated, info = env.step(ABSTAIN)
     assert (terminated, truncated, info["ended"]) == (False, True, "max_picks")
-    env.close()
 
 
 def test_same_seed_is_the_same_bin_in_another_process() -> None:
@@ -89,21 +84,19 @@ def test_same_seed_is_the_same_bin_in_another_process() -> None:
     assert runs[0].stdout == runs[1].stdout and len(runs[0].stdout.strip()) == 64
 
 
-def test_reset_without_seed_goes_on_to_another_bin() -> None:
-    env = BinPickEnv(count=2)
+def test_reset_without_seed_goes_on_to_another_bin(opened) -> None:
+    env = opened(BinPickEnv(count=2))
     _, first = env.reset(seed=5)
     _, second = env.reset()
     assert not np.array_equal(first["truth"]["T_world_part"], second["truth"]["T_world_part"])
-    env.close()
 
 
-def test_it_pickles() -> None:
-    env = BinPickEnv(count=2, gripper="suction", max_picks=3)
+def test_it_pickles(opened) -> None:
+    env = opened(BinPickEnv(count=2, gripper="suction", max_picks=3))
     a, _ = env.reset(seed=4)
     copy = pickle.loads(pickle.dumps(env))
     b, _ = copy.reset(seed=4)
     assert same_observations(a, b)
-    env.close()
     copy.close()
 
 
@@ -127,23 +120,21 @@ def test_closing_twice_is_harmless() -> None:
         env.truth()
 
 
-def test_saved_scenes_come_back(tmp_path) -> None:
-    env = BinPickEnv(count=2)
+def test_saved_scenes_come_back(opened, tmp_path) -> None:
+    env = opened(BinPickEnv(count=2))
     a, _ = env.reset(seed=6)
     env.scene.save(tmp_path / "bin.npz")
     b, _ = env.reset(options={"scene_file": tmp_path / "bin.npz"})
     assert same_observations(a, b)
     with pytest.raises(ConfigError, match=r"unknown reset options \['scenefile'\]; valid: scene_file"):
         env.reset(options={"scenefile": "x"})
-    env.close()
 
 
-def test_frames_of_a_motion_come_as_a_list() -> None:
-    env = BinPickEnv(count=1, render_mode="rgb_array_list")
+def test_frames_of_a_motion_come_as_a_list(opened) -> None:
+    env = opened(BinPickEnv(count=1, render_mode="rgb_array_list"))
     env.reset(seed=0)
     frames = env.render()
     assert len(frames) == 1 and frames[0].shape == (480, 640, 3) and frames[0].std() > 10
-    env.close()
 
 
 @pytest.mark.parametrize(
@@ -165,8 +156,8 @@ def test_outcomes_are_numbered_both_ways() -> None:
     assert [outcome_from_index(outcome_index(o)) for o in (None, *OUTCOMES)] == [None, *OUTCOMES]
 
 
-def test_a_scene_that_blows_up_ends_as_a_fault_and_the_next_one_is_valid(capfd) -> None:
-    env = BinPickEnv(count=2)
+def test_a_scene_that_blows_up_ends_as_a_fault_and_the_next_one_is_valid(opened, capfd) -> None:
+    env = opened(BinPickEnv(count=2))
     env.reset(seed=0)
     env.scene.data.qvel[:] = 1e7
     T_world_tcp = transform(np.diag([1.0, -1.0, -1.0]), np.array([0.5, 0.0, 0.05]))
@@ -176,7 +167,6 @@ def test_a_scene_that_blows_up_ends_as_a_fault_and_the_next_one_is_valid(capfd) 
     assert observation in env.observation_space
     observation, info = env.reset(seed=0)
     assert observation["remaining"] == 2 and not info["is_success"]
-    env.close()
     capfd.readouterr()  # MuJoCo warns on the terminal; that is expected here.
 
 

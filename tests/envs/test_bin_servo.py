@@ -66,8 +66,8 @@ def test_gymnasium_accepts_it() -> None:
 
 
 @pytest.mark.render
-def test_images_are_as_asked_for_and_share_no_memory() -> None:
-    env = BinServoEnv(parts=("hex_nut",), count=1, image_size=(64, 48))
+def test_images_are_as_asked_for_and_share_no_memory(opened) -> None:
+    env = opened(BinServoEnv(parts=("hex_nut",), count=1, image_size=(64, 48)))
     first, _ = env.reset(seed=0)
     assert first["overhead"].shape == first["wrist"].shape == (48, 64, 3)
     kept = {key: np.array(value, copy=True) for key, value in first.items()}
@@ -75,7 +75,6 @@ def test_images_are_as_asked_for_and_share_no_memory() -> None:
     assert not any(np.shares_memory(first[key], second[key]) for key in first if key != "remaining")
     assert all(np.array_equal(first[key], kept[key]) for key in first)
     assert not np.array_equal(first["wrist"], second["wrist"])
-    env.close()
     only = BinServoEnv(parts=("hex_nut",), count=1, images=("wrist",), image_size=(64, 48))
     observation, _ = only.reset(seed=0)
     assert "overhead" not in observation and observation["wrist"].std() > 5
@@ -83,8 +82,8 @@ def test_images_are_as_asked_for_and_share_no_memory() -> None:
 
 
 @pytest.mark.render
-def test_same_seed_and_actions_give_the_same_observations_also_after_pickling() -> None:
-    env = BinServoEnv(parts=("hex_nut",), count=2, image_size=(48, 32))
+def test_same_seed_and_actions_give_the_same_observations_also_after_pickling(opened) -> None:
+    env = opened(BinServoEnv(parts=("hex_nut",), count=2, image_size=(48, 32)))
     copy = pickle.loads(pickle.dumps(env))
     actions = np.random.default_rng(0).uniform(-1, 1, (5, 7))
     runs = []
@@ -93,19 +92,17 @@ def test_same_seed_and_actions_give_the_same_observations_also_after_pickling() 
         runs.append([np.concatenate([np.ravel(v).astype(float) for v in o.values()]) for o in seen])
     np.testing.assert_array_equal(runs[0], runs[1])
     np.testing.assert_array_equal(runs[0], runs[2])
-    env.close()
     copy.close()
 
 
 @pytest.mark.render
-def test_frames_of_a_tick_come_as_a_list() -> None:
-    env = blind(render_mode="rgb_array_list")
+def test_frames_of_a_tick_come_as_a_list(opened) -> None:
+    env = opened(blind(render_mode="rgb_array_list"))
     env.reset(seed=0)
     env.render()
     env.step(HOLD)
     frames = env.render()
     assert 1 <= len(frames) <= 3 and frames[-1].shape == (480, 640, 3)
-    env.close()
 
 
 def test_closing_twice_is_harmless() -> None:
@@ -117,24 +114,22 @@ def test_closing_twice_is_harmless() -> None:
         env.step(HOLD)
 
 
-def test_reset_reports_success_and_truth() -> None:
-    env = blind(count=2)
+def test_reset_reports_success_and_truth(opened) -> None:
+    env = opened(blind(count=2))
     observation, info = env.reset(seed=1)
     assert info["is_success"] is False and info["truth"]["in_bin"].tolist() == [True, True]
     assert observation["remaining"] == 2
     assert observation["gripper_opening"] == pytest.approx(0.085, abs=1e-4)
     assert isinstance(env.observation_space, spaces.Dict)
     assert set(env.observation_space.spaces) == set(observation)
-    env.close()
 
 
-def test_max_ticks_truncates() -> None:
-    env = blind(max_ticks=2)
+def test_max_ticks_truncates(opened) -> None:
+    env = opened(blind(max_ticks=2))
     env.reset(seed=0)
     assert env.step(HOLD)[2:4] == (False, False)
     _, _, terminated, truncated, info = env.step(HOLD)
     assert (terminated, truncated, info["ended"]) == (False, True, "max_ticks")
-    env.close()
 
 
 def test_vector_environments_go_on_when_one_has_delivered_a_part() -> None:
@@ -157,8 +152,8 @@ def test_vector_environments_go_on_when_one_has_delivered_a_part() -> None:
 # -- motion ---------------------------------------------------------------------------------------------------------
 
 
-def test_half_speed_upwards_for_a_second_raises_the_tcp_by_that_much() -> None:
-    env = blind()
+def test_half_speed_upwards_for_a_second_raises_the_tcp_by_that_much(opened) -> None:
+    env = opened(blind())
     start, _ = env.reset(seed=0)
     moved(env, 0.5 * np.eye(7)[2], 20)
     end = moved(env, HOLD, 2)
@@ -166,31 +161,28 @@ def test_half_speed_upwards_for_a_second_raises_the_tcp_by_that_much() -> None:
     np.testing.assert_allclose(shift, [0, 0, 0.5 * MAX_LINEAR_SPEED_M_S], atol=0.002)
     turn = so3_log((end["T_world_tcp"][:3, :3] @ start["T_world_tcp"][:3, :3].T).astype(float))
     assert np.linalg.norm(turn) < 0.005
-    env.close()
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_turning_about_a_world_axis_turns_about_the_tcp(axis: int) -> None:
-    env = blind()
+def test_turning_about_a_world_axis_turns_about_the_tcp(opened, axis: int) -> None:
+    env = opened(blind())
     start, _ = env.reset(seed=0)
     moved(env, 0.5 * np.eye(7)[3 + axis], 20)
     end = moved(env, HOLD, 2)
     turn = so3_log((end["T_world_tcp"][:3, :3] @ start["T_world_tcp"][:3, :3].T).astype(float))
     np.testing.assert_allclose(turn, 0.5 * MAX_ANGULAR_SPEED_RAD_S * np.eye(3)[axis], atol=0.01)
     np.testing.assert_allclose(end["T_world_tcp"][:3, 3], start["T_world_tcp"][:3, 3], atol=0.003)
-    env.close()
 
 
-def test_zeros_hold_the_arm_still() -> None:
-    env = blind()
+def test_zeros_hold_the_arm_still(opened) -> None:
+    env = opened(blind())
     start, _ = env.reset(seed=0)
     end = moved(env, HOLD, 20)
     np.testing.assert_allclose(end["T_world_tcp"], start["T_world_tcp"], atol=2e-4)
-    env.close()
 
 
-def test_the_tcp_stays_in_its_workspace() -> None:
-    env = blind()
+def test_the_tcp_stays_in_its_workspace(opened) -> None:
+    env = opened(blind())
     env.reset(seed=0)
     rng = np.random.default_rng(1)
     for corner in (np.ones(3), -np.ones(3), rng.choice([-1.0, 1.0], 3)):
@@ -199,11 +191,10 @@ def test_the_tcp_stays_in_its_workspace() -> None:
             position = observation["T_world_tcp"][:3, 3].astype(float)
             assert np.all(position > np.array(SERVO_WORKSPACE.lower_m) - 0.02)
             assert np.all(position < np.array(SERVO_WORKSPACE.upper_m) + 0.02)
-    env.close()
 
 
-def test_pressing_on_the_bin_costs_and_ends_as_soon_as_the_arm_turns_back() -> None:
-    env = blind()
+def test_pressing_on_the_bin_costs_and_ends_as_soon_as_the_arm_turns_back(opened) -> None:
+    env = opened(blind())
     env.reset(seed=0)
     stand(env, np.array([0.60, 0.15, 0.0]))
     steer(env, np.array([0.45, -0.05, 0.10]))
@@ -213,25 +204,23 @@ def test_pressing_on_the_bin_costs_and_ends_as_soon_as_the_arm_turns_back() -> N
     assert moved(env, [0, 0, 0.8, 0, 0, 0, 0], 6)["T_world_tcp"][2, 3] > low + 0.03
     *_, info = env.step(HOLD)
     assert not info["collision"]
-    env.close()
 
 
 # -- gripper --------------------------------------------------------------------------------------------------------
 
 
-def test_the_jaw_closes_holds_and_opens_on_command() -> None:
-    env = blind()
+def test_the_jaw_closes_holds_and_opens_on_command(opened) -> None:
+    env = opened(blind())
     env.reset(seed=0)
     half = moved(env, [0, 0, 0, 0, 0, 0, 1], 5)["gripper_opening"].item()
     assert 0.03 < half < 0.06
     assert moved(env, HOLD, 5)["gripper_opening"].item() == pytest.approx(half, abs=0.005)
     assert moved(env, [0, 0, 0, 0, 0, 0, 1], 12)["gripper_opening"].item() < 0.001
     assert moved(env, [0, 0, 0, 0, 0, 0, -1], 14)["gripper_opening"].item() > 0.084
-    env.close()
 
 
-def test_a_teleoperated_jaw_delivers_the_only_part_and_succeeds() -> None:
-    env = blind()
+def test_a_teleoperated_jaw_delivers_the_only_part_and_succeeds(opened) -> None:
+    env = opened(blind())
     env.reset(seed=0)
     stand(env, IN_BIN)
     above, chute = np.array([0, 0, 0.25]), np.array([*CHUTE_CENTRE_M[:2], 0.25])
@@ -250,11 +239,10 @@ def test_a_teleoperated_jaw_delivers_the_only_part_and_succeeds() -> None:
     assert (reward, terminated, truncated) == (1.0, True, False)
     assert (info["delivered"], info["ended"], info["is_success"]) == ((0,), "cleared", True)
     assert env.scene.removed == (0,)
-    env.close()
 
 
-def test_a_suction_cup_seals_while_vacuum_is_on() -> None:
-    env = blind(gripper="suction")
+def test_a_suction_cup_seals_while_vacuum_is_on(opened) -> None:
+    env = opened(blind(gripper="suction"))
     observation, _ = env.reset(seed=0)
     assert observation in env.observation_space and "gripper_opening" not in observation
     stand(env, IN_BIN)
@@ -265,14 +253,13 @@ def test_a_suction_cup_seals_while_vacuum_is_on() -> None:
     assert observation["suction_sealed"].tolist() == [1] and observation["remaining"] == 1
     assert env.scene.T_world_part(0)[2, 3] > 0.08
     assert moved(env, [0, 0, 0, 0, 0, 0, -1], 1)["suction_sealed"].tolist() == [0]
-    env.close()
 
 
 # -- ends and errors ------------------------------------------------------------------------------------------------
 
 
-def test_a_bin_whose_parts_lie_on_the_table_is_cleared_without_success() -> None:
-    env = blind()
+def test_a_bin_whose_parts_lie_on_the_table_is_cleared_without_success(opened) -> None:
+    env = opened(blind())
     env.reset(seed=0)
     stand(env, np.array([0.9, 0.5, -0.008]))
     reward, terminated, info = 0.0, False, {}
@@ -281,22 +268,20 @@ def test_a_bin_whose_parts_lie_on_the_table_is_cleared_without_success() -> None
         if terminated:
             break
     assert terminated and (info["ended"], info["is_success"], reward) == ("cleared", False, 0.0)
-    env.close()
 
 
-def test_diverged_physics_end_the_episode_on_the_last_observation() -> None:
-    env = blind()
+def test_diverged_physics_end_the_episode_on_the_last_observation(opened) -> None:
+    env = opened(blind())
     env.reset(seed=0)
     before = moved(env, HOLD, 1)
     env.scene.data.qvel[env.scene.instances[0].dof_adr] = 1e6
     observation, _, terminated, _, info = env.step(HOLD)
     assert terminated and info["ended"] == "simulation_fault"
     assert all(np.array_equal(observation[key], before[key]) for key in before)
-    env.close()
 
 
-def test_a_saved_scene_comes_back_and_one_of_another_gripper_is_refused(tmp_path) -> None:
-    env = blind(count=2)
+def test_a_saved_scene_comes_back_and_one_of_another_gripper_is_refused(opened, tmp_path) -> None:
+    env = opened(blind(count=2))
     _, info = env.reset(seed=6)
     env.scene.save(tmp_path / "bin.npz")
     _, again = env.reset(options={"scene_file": tmp_path / "bin.npz"})
@@ -304,7 +289,6 @@ def test_a_saved_scene_comes_back_and_one_of_another_gripper_is_refused(tmp_path
     other = blind(gripper="suction")
     with pytest.raises(ConfigError, match="a loaded scene must have this environment's gripper and image sizes"):
         other.reset(options={"scene_file": tmp_path / "bin.npz"})
-    env.close()
 
 
 @pytest.mark.parametrize(
