@@ -19,15 +19,12 @@ from simpick.errors import OutputError, SimpickError
 from simpick.estimators import registry
 from simpick.experiments import comparison, result_store
 from simpick.experiments.result_store import read_results
+from tests.cli.finished_runs import timeless
 
 pytestmark = pytest.mark.render
 
 SMALL = ("--parts", "pipe_tee", "hex_bolt", "--count", "2")
 MODES = ("compare", "oracle", "oracle_noise")
-
-
-def timeless(folder: Path) -> list[dict]:
-    return [result.to_json(timings=False) for result in read_results(folder / "results.jsonl")]
 
 
 @pytest.fixture(scope="module")

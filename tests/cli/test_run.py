@@ -14,15 +14,13 @@ from simpick.experiments.config import RunConfig
 from simpick.experiments.report.tables import scores_table
 from simpick.experiments.result_store import read_results
 from simpick.recording.read_back import metrics_from_rrd
+from tests.cli.finished_runs import timeless
 from tests.experiments.test_result_store import make_result
+from tests.recording.commands import is_whole, rerun
 
 pytestmark = pytest.mark.render
 
 SMALL = ("run", "--parts", "pipe_tee", "hex_bolt", "--count", "2")
-
-
-def timeless(file: Path) -> list[dict]:
-    return [result.to_json(timings=False) for result in read_results(file)]
 
 
 @pytest.fixture(scope="module")
@@ -35,13 +33,8 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return folders
 
 
-def rerun(*arguments: str) -> subprocess.CompletedProcess[str]:
-    tool = Path(sys.executable).parent / "rerun"
-    return subprocess.run([str(tool), *arguments], capture_output=True, text=True)
-
-
 def test_the_same_seed_gives_the_same_results_in_another_process(recorded: list[Path]) -> None:
-    first, second = (timeless(folder / "results.jsonl") for folder in recorded)
+    first, second = (timeless(folder) for folder in recorded)
     assert first == second
     assert len(first) == 1 and len(first[0]["picks"]) >= 2
 
@@ -49,8 +42,8 @@ def test_the_same_seed_gives_the_same_results_in_another_process(recorded: list[
 def test_the_same_seed_gives_the_same_recording_in_another_process(recorded: list[Path]) -> None:
     files = [next(folder.glob("*.rrd")) for folder in recorded]
     for file in files:
-        assert rerun("rrd", "verify", str(file)).returncode == 0
-    comparison = rerun("rrd", "compare", "--unordered", *map(str, files))
+        assert is_whole(file)
+    comparison = rerun("rrd", "compare", "--unordered", *files)
     assert comparison.returncode == 0, comparison.stdout + comparison.stderr
 
 
@@ -71,13 +64,13 @@ def test_a_stopped_run_resumes_and_ends_the_same(recorded: list[Path], tmp_path:
     folder = tmp_path / "run"
     arguments = (*SMALL, "--episodes", "2", "--out", str(folder))
     assert main([*arguments]) == 0
-    whole = timeless(folder / "results.jsonl")
+    whole = timeless(folder)
     stamp = json.loads((folder / "results.jsonl").read_text().splitlines()[0])["timings_s"]["wall"]
     # As a kill between the two episodes leaves it.
     lines = (folder / "results.jsonl").read_text().splitlines(keepends=True)
     (folder / "results.jsonl").write_text(lines[0])
     assert main([*arguments]) == 0
-    assert timeless(folder / "results.jsonl") == whole
+    assert timeless(folder) == whole
     first = json.loads((folder / "results.jsonl").read_text().splitlines()[0])
     assert first["timings_s"]["wall"] == stamp, "a finished episode is not run again"
     assert "grasp success" in capsys.readouterr().out

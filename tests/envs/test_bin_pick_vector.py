@@ -15,16 +15,9 @@ from simpick.envs.bin_pick import BinPickEnv
 from simpick.envs.bin_pick_vector import BinPickVectorEnv
 from simpick.errors import ConfigError, UnknownPartError, WorkerDiedError
 from simpick.records import PickOutcome
-from simpick.scene import SceneConfig
-from simpick.scene.config import CameraConfig
+from tests.small_scenes import small_scene
 
-CONFIG = SceneConfig(
-    parts=("hex_bolt", "pipe_tee"),
-    count=2,
-    randomization="none",
-    overhead=CameraConfig(160, 120, 28.0),
-    overview=CameraConfig(64, 48, 42.0),
-)
+CONFIG = small_scene("hex_bolt", "pipe_tee", count=2)
 IDLE = np.stack([ABSTAIN, ABSTAIN])
 
 

@@ -15,16 +15,9 @@ from simpick.policies import Perception, PickPolicy
 from simpick.policies.closer_look import CloserLook
 from simpick.recording.base import NullRecorder
 from simpick.records import CameraFrame, PickOutcome
-from simpick.scene import SceneConfig
-from simpick.scene.config import CameraConfig
+from tests.small_scenes import small_scene
 
-SCENE = SceneConfig(
-    parts=("pipe_tee", "hex_bolt"),
-    count=2,
-    randomization="none",
-    overhead=CameraConfig(320, 240, 28.0),
-    overview=CameraConfig(64, 48, 42.0),
-)
+SCENE = small_scene("pipe_tee", "hex_bolt", count=2, width_px=320, height_px=240)
 
 
 class Hesitant:

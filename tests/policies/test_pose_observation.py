@@ -16,16 +16,10 @@ from simpick.estimators.segmentation_detector import SegmentationDetector
 from simpick.policies import Perception, PoseObservation
 from simpick.policies.pose_observation import MAX_SCORE, POSE_TABLE
 from simpick.records import PoseEstimate
-from simpick.scene import SceneConfig
-from simpick.scene.config import MAX_PARTS, CameraConfig
+from simpick.scene.config import MAX_PARTS
+from tests.small_scenes import small_scene
 
-CONFIG = SceneConfig(
-    parts=("hex_bolt", "pipe_tee"),
-    count=3,
-    randomization="none",
-    overhead=CameraConfig(160, 120, 28.0),
-    overview=CameraConfig(64, 48, 42.0),
-)
+CONFIG = small_scene("hex_bolt", "pipe_tee", count=3)
 
 
 def oracle(env: BinPickEnv) -> Perception:

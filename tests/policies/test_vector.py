@@ -24,16 +24,9 @@ from simpick.policies import (
 )
 from simpick.policies.vector import row
 from simpick.records import PoseEstimate
-from simpick.scene import SceneConfig
-from simpick.scene.config import CameraConfig
+from tests.small_scenes import small_scene
 
-SCENE = SceneConfig(
-    parts=("hex_bolt", "pipe_tee"),
-    count=3,
-    randomization="none",
-    overhead=CameraConfig(320, 240, 28.0),
-    overview=CameraConfig(64, 48, 42.0),
-)
+SCENE = small_scene("hex_bolt", "pipe_tee", count=3, width_px=320, height_px=240)
 BLURRED = RunConfig(noise_mm=1.0, noise_deg=2.0, detections="realistic")
 
 
