@@ -2,7 +2,6 @@ from .base import BatchPoseEstimator as BatchPoseEstimator
 from .base import Detector as Detector
 from .base import PoseEstimator as PoseEstimator
 from .base import PoseRefiner as PoseRefiner
-from .base import estimate_frames as estimate_frames
 from .oracle import OracleEstimator as OracleEstimator
 from .oracle import PoseNoise as PoseNoise
 from .registry import PoseBudget as PoseBudget

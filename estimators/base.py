@@ -68,12 +68,3 @@ class PoseRefiner(Protocol):
         gets none.
         """
         ...
-
-
-def estimate_frames(
-    estimator: PoseEstimator, frames: Sequence[CameraFrame], detections: Sequence[Sequence[Detection]]
-) -> list[list[PoseEstimate]]:
-    """Return the estimates for each frame's detections: in one batch if the estimator can, else frame by frame."""
-    if isinstance(estimator, BatchPoseEstimator):
-        return estimator.estimate_batch(frames, detections)
-    return [estimator.estimate(frame, found) for frame, found in zip(frames, detections, strict=True)]

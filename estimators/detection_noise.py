@@ -29,11 +29,14 @@ class DetectionNoise(Config):
     """Standard deviation of the mask's outline, inwards and outwards, in pixels."""
     box_jitter: Annotated[float, Interval(ge=0, le=0.25)] = 0.0
     """Standard deviation of each edge of the box, as a fraction of the box's side."""
+    masks: bool = True
+    """Whether detections have masks; without, a box is all that an estimator gets."""
 
 
 DETECTION_PRESETS = {
     "perfect": DetectionNoise(),
     "realistic": DetectionNoise(miss=0.05, merge=0.05, ragged_px=1.5, box_jitter=0.03),
+    "box": DetectionNoise(masks=False),
 }
 """Named presets; every reported figure names the one it used."""
 

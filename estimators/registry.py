@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Literal
 
 from simpick.config import Config, NonNegativeInt, PositiveInt
 from simpick.errors import ConfigError, UnknownNameError
 from simpick.estimators.base import PoseEstimator
+from simpick.estimators.plugins import Plugin, entries_of, load_entry
 
 ENTRY_POINT_GROUP = "simpick.estimators"
 """Where another package registers its estimator: a callable without arguments that returns a `PoseEstimator`."""
@@ -61,29 +60,13 @@ class EstimatorName:
 
 
 @dataclass(frozen=True)
-class EstimatorSpec:
+class EstimatorSpec(Plugin):
     """How an estimator is made, and what its answers depend on."""
 
     make: Callable[[int | None, PoseBudget], PoseEstimator]
     """Takes the number of hypotheses, None for the default. Imports heavy libraries itself."""
-    files: tuple[Callable[[], Path], ...] = ()
-    """Weights and fitted data that the answers depend on."""
     takes_hypotheses: bool = True
     takes_budget: bool = False
-    package: str | None = None
-    """Name of the package that registered it; None for an estimator that ships with simpick."""
-    package_version: str = ""
-
-    def data(self) -> dict[str, str]:
-        """Return a hash of each file that exists, by its name; for another package's estimator, that package's version.
-
-        Raises:
-            CheckpointError: the estimator needs weights, and this installation has none.
-        """
-        if self.package is not None:
-            return {f"package {self.package}": self.package_version}
-        found = [file for file in (locate() for locate in self.files) if file.is_file()]
-        return {file.name: hashlib.sha256(file.read_bytes()).hexdigest()[:16] for file in found}
 
 
 def _retrieval(hypotheses: int | None, budget: PoseBudget) -> PoseEstimator:
@@ -122,17 +105,17 @@ def _confidence() -> Path:
 
 SHIPPED: dict[str, EstimatorSpec] = {
     "retrieval": EstimatorSpec(_retrieval),
-    "retrieval_refined": EstimatorSpec(partial(_refined, "retrieval_refined", _retrieval), (_confidence,)),
-    "coarse": EstimatorSpec(partial(_raypose, "coarse"), (_weights,), takes_budget=True),
-    "fine": EstimatorSpec(partial(_raypose, "fine"), (_weights,), takes_budget=True),
-    "refined": EstimatorSpec(partial(_refined, "refined", partial(_raypose, "fine")), (_weights, _confidence)),
+    "retrieval_refined": EstimatorSpec(partial(_refined, "retrieval_refined", _retrieval), files=(_confidence,)),
+    "coarse": EstimatorSpec(partial(_raypose, "coarse"), files=(_weights,), takes_budget=True),
+    "fine": EstimatorSpec(partial(_raypose, "fine"), files=(_weights,), takes_budget=True),
+    "refined": EstimatorSpec(partial(_refined, "refined", partial(_raypose, "fine")), files=(_weights, _confidence)),
 }
 """The estimators that ship with simpick and work from images alone, by name."""
 
 
 def estimator_names() -> list[str]:
     """Return every name that a pose estimator can be asked for by, the oracle's included."""
-    return [ORACLE, *SHIPPED, *(entry.name for entry in entry_points(group=ENTRY_POINT_GROUP))]
+    return [ORACLE, *SHIPPED, *entries_of(ENTRY_POINT_GROUP)]
 
 
 def find_estimator(name: str) -> EstimatorSpec:
@@ -143,9 +126,9 @@ def find_estimator(name: str) -> EstimatorSpec:
     """
     if name in SHIPPED:
         return SHIPPED[name]
-    for entry in entry_points(group=ENTRY_POINT_GROUP):
-        if entry.name == name:
-            return _spec_of(entry)
+    if (entry := entries_of(ENTRY_POINT_GROUP).get(name)) is not None:
+        make = load_entry(entry)
+        return EstimatorSpec(lambda hypotheses, budget: make(), takes_hypotheses=False, entry=entry)
     raise UnknownNameError(
         "estimator", name, estimator_names(), f"Other packages add theirs as entry points of {ENTRY_POINT_GROUP!r}."
     )
@@ -171,13 +154,3 @@ def load_estimator(name: str, *, hypotheses: int | None = None, budget: PoseBudg
     if budget != PoseBudget() and not spec.takes_budget:
         raise ConfigError(f"iterations and steps are options of coarse and fine; {name!r} has none. Leave them out")
     return spec.make(hypotheses, budget)
-
-
-def _spec_of(entry: EntryPoint) -> EstimatorSpec:
-    dist = entry.dist
-    return EstimatorSpec(
-        lambda hypotheses, budget: entry.load()(),
-        takes_hypotheses=False,
-        package=None if dist is None else dist.name,
-        package_version="" if dist is None else dist.version,
-    )

@@ -41,7 +41,7 @@ class SegmentationDetector:
         self.noise = detection_noise(noise) if isinstance(noise, str) else noise
         if min_visible_px < 1:
             raise ConfigError(f"min_visible_px must be 1 or more, got {min_visible_px}")
-        if rng is None and self.noise != DetectionNoise():
+        if rng is None and self.noise != DetectionNoise(masks=self.noise.masks):
             raise ConfigError("noisy detections need a random generator: pass rng=numpy.random.default_rng(seed)")
         self._rng = rng
         self._instance_parts = instance_parts
@@ -86,4 +86,4 @@ class SegmentationDetector:
         if self._rng is not None:
             box = jittered_box(box, self.noise.box_jitter, self._rng, width, height)
         score = min(float(mask.sum()) / largest_px, 1.0)
-        return Detection(part, box, mask, score, instance)
+        return Detection(part, box, mask if self.noise.masks else None, score, instance)

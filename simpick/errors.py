@@ -78,6 +78,10 @@ class CheckpointError(SimpickError, ValueError):
     """Weights are missing, damaged, of another format, version or network; the message states which."""
 
 
+class PluginError(SimpickError, RuntimeError):
+    """A detector or an estimator failed, or returned something that is no valid answer."""
+
+
 class WorkerDiedError(SimpickError, RuntimeError):
     """The process of one or more environments of a vector environment died."""
 

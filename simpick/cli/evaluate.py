@@ -38,7 +38,8 @@ class Evaluate(Config):
     estimator: str = "oracle"
     """oracle, an estimator that ships, or one of another package; NAME@K asks for K hypotheses."""
     detections: str = "perfect"
-    """Masks: perfect; bins also: realistic; data sets also: a JSON file in BOP's format."""
+    """perfect, learned, or a detector of another package; bins also: realistic or box; data sets also: a JSON file in
+    BOP's format."""
     dataset: Annotated[Path | None, _unless_given("DIR", "simulated bins")] = None
     """Folder of a BOP data set."""
     split: Annotated[str | None, _unless_given("NAME", "test, or the only one")] = None
@@ -87,15 +88,19 @@ class Evaluate(Config):
             raise ConfigError(f"{', '.join(given)} must come with --dataset, got --bins {self.bins}")
         if self.dataset is not None and self.export is not None:
             raise ConfigError("export must come with --bins; a data set is one already")
-        if self.dataset is None and self.detections not in ("perfect", "realistic"):
-            raise ConfigError(f"detections of simulated bins must be perfect or realistic, got {self.detections!r}")
-        if self.detections == "realistic" and self.dataset is not None:
+        if self.dataset is None:
+            from simpick.estimators.detections import detector_data
+
+            detector_data(self.detections)
+        if self.dataset is not None and self.detections in ("realistic", "box"):
             raise ConfigError(
-                "detections of a data set must be perfect or a JSON file in BOP's format, got 'realistic'"
+                "detections of a data set must be perfect, a detector's name, or a JSON file in BOP's format, got "
+                f"{self.detections!r}"
             )
 
     def _run_dataset(self, root: Path) -> int:
         from simpick.bop import BopDataset, BopResult, read_detections, read_results, write_results
+        from simpick.estimators.detections import find_detector
         from simpick.pose_eval import bop_evaluation
         from simpick.pose_eval.pose_evaluation import PoseEvaluator, score_images
         from simpick.pose_eval.pose_sources import FileSource, make_source
@@ -109,7 +114,12 @@ class Evaluate(Config):
         keys = list(dict.fromkeys((t.scene_id, t.im_id) for t in targets))[: self.max_images]
         chosen = set(keys)
         targets = [t for t in targets if (t.scene_id, t.im_id) in chosen]
-        detections = None if self.detections == "perfect" else read_detections(Path(self.detections))
+        if self.detections == "perfect":
+            detections = None
+        elif Path(self.detections).suffix == ".json":
+            detections = read_detections(Path(self.detections))
+        else:
+            detections = find_detector(self.detections).make()
 
         def part_of(name: str) -> Part:
             return dataset.models.part(dataset.models.obj_id(name))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import tyro
 from annotated_types import MinLen
@@ -28,8 +28,9 @@ class PoseBenchmark(Config):
         "oracle",
     )
     """oracle, an estimator that ships, or one of another package; NAME@K asks for K hypotheses."""
-    detections: Annotated[tuple[Literal["perfect", "realistic"], ...], MinLen(1)] = ("perfect", "realistic")
-    """Quality of the masks that poses are estimated from; each is scored on its own."""
+    detections: Annotated[tuple[str, ...], MinLen(1), tyro.conf.arg(metavar="NAME ...")] = ("perfect", "realistic")
+    """What poses are estimated from: learned (found in the image), perfect, realistic or box (of the simulator), or a
+    detector of another package; each is scored on its own."""
     bins: Annotated[PositiveInt | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: all 50)")] = None
     """How many bins to use, from the first; only all 50 give the benchmark's figures."""
     hypotheses: Annotated[PositiveInt | None, tyro.conf.arg(metavar="INT", help_behavior_hint=_ESTIMATORS_OWN)] = None
@@ -52,6 +53,7 @@ class PoseBenchmark(Config):
         import time
 
         from simpick.assets.library import get_part
+        from simpick.estimators.detections import detector_data
         from simpick.estimators.registry import PoseBudget
         from simpick.pose_eval.benchmark_bins import benchmark_bins
         from simpick.pose_eval.benchmark_gains import gains, gains_table
@@ -71,6 +73,8 @@ class PoseBenchmark(Config):
         # Before any bin is made or file is written, so that a wrong name costs nothing.
         for estimator in self.estimators:
             make_source(estimator, get_part, self.hypotheses, budget)
+        for name in self.detections:
+            detector_data(name)
         settings = {
             "workers": self.workers,
             "hypotheses_asked_for": self.hypotheses,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar
 
 import tyro
 from annotated_types import Interval
@@ -39,8 +39,9 @@ class CellConfig(Config):
     """Arm: ur5e."""
     bin_mm: tuple[_SideMm, _SideMm, _SideMm] = (400.0, 300.0, 120.0)
     """Inner length (across the arm's reach), width and depth of the bin, in millimetres."""
-    detections: Literal["perfect", "realistic"] = "perfect"
-    """Quality of the masks that poses are estimated from."""
+    detections: str = "perfect"
+    """What poses are estimated from: learned (found in the image), perfect, realistic or box (of the simulator), or a
+    detector of another package. The oracle has perfect ones instead of those found in the image."""
     randomization: str = "default"
     """Preset of lights, colours, textures and camera jitter: default, none or strong."""
     max_consecutive_failures: PositiveInt = 2

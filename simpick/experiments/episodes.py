@@ -20,11 +20,11 @@ from simpick.experiments.perceptions import make_perception, make_refiner
 from simpick.experiments.result_store import EpisodeResult
 from simpick.geometry import invert
 from simpick.metrics.models import EvaluationModel
-from simpick.metrics.pose_errors import pose_error
+from simpick.metrics.pose_errors import mssd, pose_error
 from simpick.policies import PickPolicy
 from simpick.policies.pick_policy import Decision
 from simpick.recording.base import NullRecorder, Recorder
-from simpick.records import CameraFrame, InstanceTruth, PickOutcome, PickRecord
+from simpick.records import CameraFrame, InstanceTruth, PickOutcome, PickRecord, PoseEstimate
 from simpick.scene import BinConfig, SceneConfig
 
 
@@ -215,14 +215,27 @@ def complete_record(
         return dataclasses.replace(pick, outcome=decision.abstained, cause=_abstention(decision))
     target = decision.target
     assert target is not None and target.detection is not None and T_world_target is not None
-    instance = target.detection.instance
-    true_pose = next((t.T_world_part for t in truth if t.instance == instance), None)
+    T_camera_world = invert(T_world_camera)
+    model = _evaluation_model(next(p for p in env.parts if p.name == target.part))
+    true = _true_instance(target, T_world_target, truth, model)
     error = None
-    if true_pose is not None:
-        part = next(p for p in env.parts if p.name == target.part)
-        T_camera_world = invert(T_world_camera)
-        error = pose_error(T_camera_world @ T_world_target, T_camera_world @ true_pose, _evaluation_model(part))
+    if true is not None:
+        error = pose_error(T_camera_world @ T_world_target, T_camera_world @ true.T_world_part, model)
+    # An instance that the detection names stays named, even if it has left the bin.
+    instance = target.detection.instance if true is None else true.instance
     return dataclasses.replace(pick, target_part=target.part, target_instance=instance, pose_error=error)
+
+
+def _true_instance(
+    target: PoseEstimate, T_world_target: np.ndarray, truth: tuple[InstanceTruth, ...], model: EvaluationModel
+) -> InstanceTruth | None:
+    """Return the instance that a pose is scored against: the detection's, else the part's nearest by MSSD."""
+    if target.detection is not None and target.detection.instance is not None:
+        return next((t for t in truth if t.instance == target.detection.instance), None)
+    own = [t for t in truth if t.part == target.part]
+    if not own:
+        return None
+    return own[int(mssd(T_world_target, np.stack([t.T_world_part for t in own]), model).argmin())]
 
 
 @lru_cache(maxsize=64)

@@ -10,9 +10,9 @@ import numpy as np
 from simpick.envs.bin_pick import BinPickEnv
 from simpick.envs.bin_pick_vector import BinPickVectorEnv
 from simpick.estimators.base import PoseEstimator, PoseRefiner
+from simpick.estimators.detections import is_simulated, make_detector
 from simpick.estimators.oracle import OracleEstimator, OracleRefiner, PoseNoise
 from simpick.estimators.registry import ORACLE, SHIPPED, load_estimator
-from simpick.estimators.segmentation_detector import SegmentationDetector
 from simpick.experiments.config import RunConfig
 from simpick.policies import Perception
 from simpick.records import InstanceTruth
@@ -43,8 +43,11 @@ def _perception(
     rng: np.random.Generator,
 ) -> Perception:
     detector_rng, noise_rng = rng.spawn(2)
-    detector = SegmentationDetector(config.detections, detector_rng, instance_parts=instance_parts)
+    detector = make_detector(config.detections, instance_parts, detector_rng)
     if config.estimator == ORACLE:
+        if not is_simulated(config.detections):
+            # True poses belong to instances, which what is found in an image does not name.
+            detector = make_detector("perfect", instance_parts, detector_rng)
         noise = PoseNoise(config.noise_deg, config.noise_mm)
         return Perception(ORACLE, detector, OracleEstimator(truth, noise, noise_rng))
     make = _shared_estimator if config.estimator in SHIPPED else load_estimator

@@ -8,6 +8,7 @@ from typing import Any
 
 from simpick.assets import get_part, library_part_names
 from simpick.caching import cache_key
+from simpick.estimators.detections import detector_data
 from simpick.estimators.registry import ORACLE, find_estimator
 from simpick.experiments.config import CellConfig, RunConfig
 from simpick.experiments.provenance_changes import GRASPS, MODE_DATA, PART_CONTENT, VERSIONS
@@ -32,7 +33,12 @@ def run_provenance(config: CellConfig, runs: Iterable[RunConfig]) -> dict[str, A
     grasps = cache_key(1, recipe(config.gripper), *(f.read_bytes() for f in stored if f.is_file()))
     provenance = config.to_json() | {
         VERSIONS: {name: version(name) for name in _PACKAGES},
-        MODE_DATA: {run.mode: {} if run.estimator == ORACLE else find_estimator(run.estimator).data() for run in runs},
+        MODE_DATA: {run.mode: _mode_data(run) for run in runs},
         GRASPS: grasps,
     }
     return provenance | ({PART_CONTENT: own} if own else {})
+
+
+def _mode_data(run: RunConfig) -> dict[str, str]:
+    """Return what a mode's answers depend on: the files, or packages, of its estimator and of its detector."""
+    return {} if run.estimator == ORACLE else find_estimator(run.estimator).data() | detector_data(run.detections)

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 
 from simpick.assets.part import Part
 from simpick.estimators.base import Detector, PoseRefiner
+from simpick.estimators.boundary import validated_detections
 from simpick.geometry import invert
 from simpick.geometry.transforms import transform_points
 from simpick.records import CameraFrame, PoseEstimate, PoseHypothesis
@@ -41,7 +42,11 @@ class CloserLook:
         part = self._parts[part_name]
         T_camera_part = invert(frame.T_world_camera) @ T_world_part
         expected = silhouette(frame, part, T_camera_part)
-        seen = [(_overlap(d.mask, expected), d) for d in self._detector.detect(frame, [part]) if d.mask is not None]
+        seen = [
+            (_overlap(d.mask, expected), d)
+            for d in validated_detections(self._detector, frame, [part])
+            if d.mask is not None
+        ]
         overlap, detection = max(seen, key=lambda pair: pair[0], default=(0.0, None))
         if detection is None or overlap < _LEAST_OVERLAP:
             return None

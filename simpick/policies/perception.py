@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from simpick.assets.part import Part
-from simpick.estimators.base import Detector, PoseEstimator, estimate_frames
+from simpick.estimators.base import Detector, PoseEstimator
+from simpick.estimators.boundary import validated_detections, validated_estimates
 from simpick.records import CameraFrame, Detection, PoseEstimate
 
 
@@ -50,7 +51,7 @@ def perceive_together(
     start = time.perf_counter()
     detections, detect_s = [], []
     for perception, frame in zip(perceptions, frames, strict=True):
-        detections.append(perception.detector.detect(frame, parts))
+        detections.append(validated_detections(perception.detector, frame, parts))
         detect_s.append(time.perf_counter() - start)
         start = time.perf_counter()
     sharing: dict[int, list[int]] = {}
@@ -60,7 +61,7 @@ def perceive_together(
     for rows in sharing.values():
         start = time.perf_counter()
         estimator = perceptions[rows[0]].estimator
-        found = estimate_frames(estimator, [frames[k] for k in rows], [detections[k] for k in rows])
+        found = validated_estimates(estimator, [frames[k] for k in rows], [detections[k] for k in rows])
         estimate_s = (time.perf_counter() - start) / len(rows)
         for k, estimates in zip(rows, found, strict=True):
             timings_s = {"detect": detect_s[k], "estimate": estimate_s}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -10,7 +11,8 @@ import numpy as np
 from simpick.assets.part import Part
 from simpick.bop import BopInstance, BopWriter
 from simpick.bop.targets import MIN_VISIBLE_FRACTION
-from simpick.estimators.segmentation_detector import SegmentationDetector
+from simpick.estimators.boundary import validated_detections
+from simpick.estimators.detections import make_detector
 from simpick.geometry import invert
 from simpick.pose_eval.pose_images import PoseImage, PoseTruth
 from simpick.records import CameraFrame
@@ -33,7 +35,9 @@ class BinView:
     truths: tuple[PoseTruth, ...]
 
     def image(self, detections: str) -> PoseImage:
-        """Return the view with detections of this preset; parts that are at least 10 % visible are the targets.
+        """Return the view with detections by name (see `simpick.estimators.detections`).
+
+        Parts that are at least 10 % visible are the targets.
 
         `PoseImage.scene_id` is the seed, which also determines the noise of the detections.
         """
@@ -43,9 +47,12 @@ class BinView:
                 counts[truth.part] = counts.get(truth.part, 0) + 1
         # The second number separates this stream from the one that the bin itself is drawn from.
         rng = np.random.default_rng((self.seed, 1))
-        detector = SegmentationDetector(detections, rng, instance_parts=[part.name for part in self.parts])
-        found = detector.detect(self.frame, list({part.name: part for part in self.parts}.values()))
-        return PoseImage(self.seed, 0, self.frame, tuple(found), self.truths, counts)
+        detector = make_detector(detections, [part.name for part in self.parts], rng)
+        start = time.perf_counter()
+        found = validated_detections(detector, self.frame, list({part.name: part for part in self.parts}.values()))
+        return PoseImage(
+            self.seed, 0, self.frame, tuple(found), self.truths, counts, detection_s=time.perf_counter() - start
+        )
 
 
 @dataclass(frozen=True, eq=False)

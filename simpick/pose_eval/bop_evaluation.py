@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
 
 from simpick.bop import BopDataset, BopDetection, BopResult, BopScene, BopTarget
 from simpick.bop.targets import MIN_VISIBLE_FRACTION
 from simpick.errors import DatasetError
+from simpick.estimators.base import Detector
+from simpick.estimators.boundary import validated_detections
 from simpick.geometry import invert
 from simpick.metrics.models import EvaluationModel
 from simpick.metrics.visible_surface import VSD_DELTA_M
@@ -35,7 +38,7 @@ def bop_pose_model(dataset: BopDataset, part: str) -> PoseModel:
 def bop_images(
     dataset: BopDataset,
     targets: Sequence[BopTarget],
-    detections: Sequence[BopDetection] | None = None,
+    detections: Sequence[BopDetection] | Detector | None = None,
     *,
     amodal: bool = False,
     depth: bool = True,
@@ -43,8 +46,8 @@ def bop_images(
     """Yield the images that the targets name, in the targets' order.
 
     Per image and target object, the `detections` with the highest scores are used, as many as there are instances to
-    find; if None, the annotations' visible masks are used. `amodal` states whether the file's boxes enclose whole
-    objects.
+    find; those of a detector likewise; if None, the annotations' visible masks are used. `amodal` states whether the
+    file's boxes enclose whole objects.
     """
     wanted: dict[tuple[int, int], dict[str, int]] = {}
     for target in targets:
@@ -55,7 +58,7 @@ def bop_images(
         name = dataset.models.name(target.obj_id)
         wanted.setdefault((target.scene_id, target.im_id), {})[name] = target.inst_count
     found: dict[tuple[int, int], list[BopDetection]] = {}
-    for entry in detections or ():
+    for entry in () if detections is None or isinstance(detections, Detector) else detections:
         found.setdefault((entry.scene_id, entry.im_id), []).append(entry)
     scene: BopScene | None = None
     for (scene_id, im_id), counts in wanted.items():
@@ -69,6 +72,12 @@ def bop_images(
         )
         if detections is None:
             chosen, seconds = [d for d in scene.detections(im_id) if d.part in counts], 0.0
+        elif isinstance(detections, Detector):
+            start = time.perf_counter()
+            parts = [dataset.models.part(dataset.models.obj_id(name)) for name in counts]
+            seen = validated_detections(detections, frame, parts)
+            seconds = time.perf_counter() - start
+            chosen = [d for name, count in counts.items() for d in [d for d in seen if d.part == name][:count]]
         else:
             entries = found.get((scene_id, im_id), [])
             chosen = _best(dataset, entries, counts, frame, amodal)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from simpick.assets.part import Part
 from simpick.errors import ConfigError
 from simpick.estimators.base import PoseEstimator
+from simpick.estimators.boundary import validated_estimates
 from simpick.estimators.oracle import OracleEstimator
 from simpick.estimators.registry import ORACLE, EstimatorName, PoseBudget, load_estimator
 from simpick.pose_eval.pose_images import PoseImage
@@ -72,7 +73,7 @@ class EstimatorSource(PoseSource):
 
     def estimate(self, image: PoseImage) -> Sequence[PoseEstimate]:
         """Return the estimates of all detections, computed in one batch."""
-        return self._estimator.estimate(image.frame, image.detections)
+        return validated_estimates(self._estimator, [image.frame], [image.detections])[0]
 
 
 class OracleSource(PoseSource):

@@ -10,7 +10,7 @@ from importlib.metadata import EntryPoint
 import pytest
 
 from simpick.errors import ConfigError, UnknownNameError
-from simpick.estimators import PoseEstimator, registry
+from simpick.estimators import PoseEstimator, plugins, registry
 from simpick.estimators.raypose import RayPoseEstimator, RayPoseEstimatorConfig
 from simpick.estimators.registry import EstimatorName, PoseBudget, estimator_names, find_estimator, load_estimator
 from simpick.estimators.retrieval import RetrievalConfig, RetrievalEstimator
@@ -34,7 +34,7 @@ def config_of(estimator: PoseEstimator) -> RayPoseEstimatorConfig | RetrievalCon
 @pytest.fixture
 def registered(monkeypatch: pytest.MonkeyPatch) -> None:
     entry = EntryPoint("telepathy", f"{__name__}:Telepathy", registry.ENTRY_POINT_GROUP)
-    monkeypatch.setattr(registry, "entry_points", lambda group: [entry] if group == entry.group else [])
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [entry] if group == entry.group else [])
 
 
 @pytest.mark.parametrize("text", ["retrieval", "retrieval@8", "my-own.one@64"])

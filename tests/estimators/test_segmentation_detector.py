@@ -99,7 +99,7 @@ def test_jittered_boxes_stay_in_the_image(frame):
 
 
 def test_wrong_settings_are_explained(frame):
-    with pytest.raises(UnknownNameError, match=r"no detection preset named 'good'. Valid: perfect, realistic\."):
+    with pytest.raises(UnknownNameError, match=r"no detection preset named 'good'. Valid: box, perfect, realistic\."):
         detector("good")
     with pytest.raises(ConfigError, match=r"need a random generator: pass rng=numpy.random.default_rng\(seed\)"):
         SegmentationDetector("realistic", instance_parts=NAMES)

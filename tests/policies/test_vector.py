@@ -9,7 +9,8 @@ from simpick.envs.bin_pick import BinPickEnv
 from simpick.envs.bin_pick_vector import BinPickVectorEnv
 from simpick.envs.observations import frame_from_observation
 from simpick.errors import ConfigError
-from simpick.estimators.base import BatchPoseEstimator, estimate_frames
+from simpick.estimators.base import BatchPoseEstimator
+from simpick.estimators.boundary import validated_estimates
 from simpick.estimators.retrieval import RetrievalConfig, RetrievalEstimator
 from simpick.estimators.segmentation_detector import SegmentationDetector
 from simpick.experiments.config import RunConfig
@@ -119,7 +120,7 @@ def test_retrieval_answers_several_frames_as_it_answers_each(envs) -> None:
         for k, frame in enumerate(frames)
     ]
     frames, detections = [*frames, frames[0]], [*detections, []]
-    batch = estimate_frames(estimator, frames, detections)
+    batch = validated_estimates(estimator, frames, detections)
     assert [len(estimates) for estimates in batch] == [len(found) for found in detections]
     for frame, found, together in zip(frames, detections, batch, strict=True):
         for alone, estimate in zip(estimator.estimate(frame, found), together, strict=True):

@@ -1,0 +1,143 @@
+"""The boundary of perception: detectors and estimators are asked here, without the truth, and answers are validated.
+
+Every loop that runs perception asks through these functions: policies, benchmarks, data sets. A plug-in of another
+package can therefore neither read the simulator's truth nor pass on a wrong answer: what it raises or returns wrongly
+becomes a `PluginError` that names it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from simpick.errors import PluginError, SimpickError
+from simpick.estimators.base import BatchPoseEstimator, Detector, PoseEstimator
+from simpick.estimators.segmentation_detector import SegmentationDetector
+from simpick.records import CameraFrame, Detection, PoseEstimate
+
+if TYPE_CHECKING:
+    from simpick.assets.part import Part
+
+MAX_DISTANCE_M = 100.0
+"""Poses farther from the camera than this are errors of the estimator."""
+
+
+def without_truth(frame: CameraFrame) -> CameraFrame:
+    """Return the frame as an image-based plug-in gets it: with neither depth nor instance ids."""
+    return replace(frame, depth_m=None, instances=None)
+
+
+def validated_detections(detector: Detector, frame: CameraFrame, parts: Sequence[Part]) -> list[Detection]:
+    """Return the validated detections of these parts; only the simulator's own segmentation gets instance ids.
+
+    Raises:
+        PluginError: the detector raised something, or returned something else than detections of these parts.
+        SimpickError: the detector raised it.
+    """
+    seen = frame if isinstance(detector, SegmentationDetector) else without_truth(frame)
+    with _named("detector", detector):
+        found = detector.detect(seen, parts)
+        names = {part.name for part in parts}
+        _check_type(found, list, "a list of detections")
+        for detection in found:
+            _check_type(detection, Detection, "detections")
+            _check_detection(detection, frame, names)
+    return found
+
+
+def validated_estimates(
+    estimator: PoseEstimator, frames: Sequence[CameraFrame], detections: Sequence[Sequence[Detection]]
+) -> list[list[PoseEstimate]]:
+    """Return the validated estimates for each frame's detections: in one batch if the estimator can.
+
+    Raises:
+        PluginError: the estimator raised something, or returned something else than poses of these detections.
+        SimpickError: the estimator raised it.
+    """
+    seen = [without_truth(frame) for frame in frames]
+    with _named("estimator", estimator):
+        if isinstance(estimator, BatchPoseEstimator):
+            answers = estimator.estimate_batch(seen, detections)
+        else:
+            answers = [estimator.estimate(frame, found) for frame, found in zip(seen, detections, strict=True)]
+        for estimates, found in zip(answers, detections, strict=True):
+            _check_type(estimates, list, "a list of estimates")
+            _check_estimates(estimates, found)
+    return answers
+
+
+def _check_detection(detection: Detection, frame: CameraFrame, names: set[str]) -> None:
+    if detection.part not in names:
+        raise _WrongAnswerError(
+            f"detections must be of the parts asked for ({', '.join(sorted(names))}), got {detection.part!r}"
+        )
+    if not (np.isfinite(detection.score) and 0 <= detection.score <= 1):
+        raise _WrongAnswerError(f"scores of detections must be probabilities from 0 to 1, got {detection.score}")
+    box = np.asarray(detection.box_xyxy_px, float)
+    if box.shape != (4,) or not np.isfinite(box).all():
+        raise _WrongAnswerError(f"boxes must be four finite numbers x1, y1, x2, y2 in pixels, got {box.tolist()}")
+    mask, size = detection.mask, frame.rgb.shape[:2]
+    if mask is not None and (mask.shape != size or mask.dtype != bool):
+        raise _WrongAnswerError(
+            f"masks must be boolean and of the image's size {size}, got {mask.dtype} of {mask.shape}"
+        )
+
+
+def _check_estimates(estimates: Sequence[PoseEstimate], detections: Sequence[Detection]) -> None:
+    answered: set[int] = set()
+    asked = {id(detection) for detection in detections}
+    for estimate in estimates:
+        _check_type(estimate, PoseEstimate, "estimates")
+        key = id(estimate.detection)
+        if key not in asked or key in answered:
+            raise _WrongAnswerError(
+                "each estimate must answer one of the detections (PoseEstimate.detection), each detection at most once"
+            )
+        answered.add(key)
+        for T in (estimate.T_camera_part, *(hypothesis.T_camera_part for hypothesis in estimate.hypotheses)):
+            if problem := _problem_of_pose(np.asarray(T, float)):
+                raise _WrongAnswerError(f"poses of {estimate.part!r} must be T_camera_part in metres, got {problem}")
+        if not np.isfinite(estimate.score):
+            raise _WrongAnswerError(f"scores of estimates must be finite, got {estimate.score}")
+
+
+def _problem_of_pose(T: np.ndarray) -> str:
+    """Return what is wrong with a pose, in words; empty if nothing is."""
+    if T.shape != (4, 4):
+        return f"an array of shape {T.shape}"
+    if not np.isfinite(T).all():
+        return "NaN or infinity"
+    if not np.allclose(T[3], [0, 0, 0, 1], atol=1e-6):
+        return f"the last row {T[3].tolist()}"
+    R = T[:3, :3]
+    if not np.allclose(R @ R.T, np.eye(3), atol=1e-3) or np.linalg.det(R) < 0:
+        return "a matrix that is no rotation: scaled, sheared or mirrored"
+    distance_m = float(np.linalg.norm(T[:3, 3]))
+    return f"a part {distance_m:.3g} m away" if distance_m > MAX_DISTANCE_M else ""
+
+
+class _WrongAnswerError(Exception):
+    """What is wrong with an answer."""
+
+
+def _check_type(value: object, kind: type, what: str) -> None:
+    if not isinstance(value, kind):
+        raise _WrongAnswerError(f"{what} must be returned, got {type(value).__name__}")
+
+
+@contextmanager
+def _named(role: str, plugin: object) -> Iterator[None]:
+    """Turn what a plug-in does wrong into an error that names it."""
+    name = f"{type(plugin).__module__}.{type(plugin).__qualname__}"
+    try:
+        yield
+    except SimpickError:
+        raise
+    except _WrongAnswerError as error:
+        raise PluginError(f"the {role} {name} gave a wrong answer: {error}") from None
+    except Exception as error:
+        raise PluginError(f"the {role} {name} failed: {type(error).__name__}: {error}") from error

@@ -1,0 +1,58 @@
+"""What the registries of estimators and detectors share: what answers depend on, and other packages' entry points."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import Any
+
+from simpick.errors import PluginError, SimpickError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plugin:
+    """A row of a registry: the files that answers depend on, or the entry point of another package."""
+
+    files: tuple[Callable[[], Path], ...] = ()
+    """Weights and fitted data that the answers depend on."""
+    entry: EntryPoint | None = None
+    """Where another package registered it; None for what ships with simpick."""
+
+    def data(self) -> dict[str, str]:
+        """Return a hash of each file that exists, by its name; for another package's plug-in, that package's version.
+
+        Raises:
+            CheckpointError: weights are needed, and this installation has none.
+        """
+        if self.entry is not None:
+            return {f"package {self.entry.dist.name}": self.entry.dist.version} if self.entry.dist else {}
+        found = [file for file in (locate() for locate in self.files) if file.is_file()]
+        return {file.name: hashlib.sha256(file.read_bytes()).hexdigest()[:16] for file in found}
+
+
+def entries_of(group: str) -> dict[str, EntryPoint]:
+    """Return what other packages registered in a group of entry points, by name; the first of equal names."""
+    return {entry.name: entry for entry in reversed([*entry_points(group=group)])}
+
+
+def load_entry(entry: EntryPoint) -> Callable[[], Any]:
+    """Return a function that makes another package's plug-in.
+
+    It raises PluginError if that package cannot be imported, lacks the plug-in, or cannot make it.
+    """
+
+    def make() -> Any:
+        try:
+            return entry.load()()
+        except SimpickError:
+            raise
+        except Exception as error:
+            raise PluginError(
+                f"{entry.name!r}, registered by another package as {entry.group} = {entry.value}, cannot be made: "
+                f"{type(error).__name__}: {error}"
+            ) from error
+
+    return make
