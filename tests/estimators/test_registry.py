@@ -6,6 +6,8 @@ import re
 import subprocess
 import sys
 from importlib.metadata import EntryPoint
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
@@ -78,7 +80,8 @@ def test_another_packages_estimator_is_found_by_its_entry_point(registered: None
 
 
 def test_data_name_the_package_that_registered_an_estimator() -> None:
-    spec = registry.EstimatorSpec(lambda hypotheses, budget: Telepathy(), package="psi", package_version="1.2")
+    entry = SimpleNamespace(dist=SimpleNamespace(name="psi", version="1.2"))
+    spec = registry.EstimatorSpec(lambda hypotheses, budget: Telepathy(), entry=cast(EntryPoint, entry))
     assert spec.data() == {"package psi": "1.2"}
 
 

@@ -15,7 +15,7 @@ from simpick.estimators.oracle import OracleEstimator
 from simpick.estimators.segmentation_detector import SegmentationDetector
 from simpick.policies import Perception, PoseObservation
 from simpick.policies.pose_observation import MAX_SCORE, POSE_TABLE
-from simpick.records import PoseEstimate
+from simpick.records import Detection, PoseEstimate
 from simpick.scene.config import MAX_PARTS
 from tests.small_scenes import small_scene
 
@@ -28,7 +28,7 @@ def oracle(env: BinPickEnv) -> Perception:
 
 
 class Shouting:
-    """An estimator that answers each detection many times with boundless scores."""
+    """An estimator with boundless scores."""
 
     def __init__(self) -> None:
         self.onboarded: list[str] = []
@@ -37,7 +37,15 @@ class Shouting:
         self.onboarded.append(part.name)
 
     def estimate(self, frame, detections) -> list[PoseEstimate]:
-        return [PoseEstimate(d.part, 1e3 * np.eye(4), np.inf, "shouting", 0.0) for d in detections for _ in range(40)]
+        return [PoseEstimate(d.part, np.eye(4), 1e9, "shouting", 0.0, detection=d) for d in detections]
+
+
+class Crowd:
+    """A detector that sees more parts than a bin holds."""
+
+    def detect(self, frame, parts) -> list[Detection]:
+        box = np.array([0.0, 0.0, 8.0, 8.0])
+        return [Detection(parts[0].name, box, None, 0.5) for _ in range(2 * MAX_PARTS)]
 
 
 @pytest.fixture
@@ -97,8 +105,7 @@ def test_gymnasium_accepts_it(env) -> None:
 @pytest.mark.render
 def test_more_estimates_than_fit_and_boundless_values_stay_in_the_space(env) -> None:
     estimator = Shouting()
-    detector = SegmentationDetector(instance_parts=env.instance_part_names, min_visible_px=4)
-    wrapped = PoseObservation(env, Perception("shouting", detector, estimator))
+    wrapped = PoseObservation(env, Perception("shouting", Crowd(), estimator))
     assert estimator.onboarded == list(env.part_names)
     observation, _ = wrapped.reset(seed=0)
     assert observation in wrapped.observation_space
