@@ -9,7 +9,7 @@ import pytest
 from simpick.bop import BopDataset, BopDetection, BopResult, read_detections, read_results, write_results
 from simpick.bop.rle import encode_rle
 from simpick.cli.evaluate import Evaluate
-from simpick.errors import ConfigError, DatasetError, OutputError
+from simpick.errors import ConfigError, DatasetError, OutputError, SimpickError
 from simpick.geometry import invert, transform, transform_points
 from simpick.pose_eval.bop_evaluation import (
     bop_images,
@@ -189,7 +189,7 @@ def test_the_command_prints_recalls_and_writes_results(root, tmp_path, capsys):
 def test_settings_that_do_not_go_together_are_refused(settings, text, tmp_path):
     for key in {"dataset", "export"} & settings.keys():
         settings[key] = tmp_path / settings[key]
-    with pytest.raises(ConfigError, match=text):
+    with pytest.raises(SimpickError, match=text):
         Evaluate(**settings).run()
 
 
