@@ -48,10 +48,10 @@ def random_part(seed: int) -> Part:
     rng = np.random.default_rng([_STREAM, seed])
     while True:
         solid, pieces = _attempt(rng)
-        if _is_sound(solid, pieces):
+        if is_sound(solid, pieces):
             break
     density = float(rng.choice([1050.0, 1200.0, 1400.0, 2700.0, 7800.0]))
-    part = s.finish(f"{_PREFIX}{seed}", solid, pieces, Stock(density, _look(rng)))
+    part = s.finish(f"{_PREFIX}{seed}", solid, pieces, Stock(density, random_look(rng)))
     lightest = min(density, HEAVIEST_KG / float(part.mesh.volume))
     return replace(part, symmetries=detect_symmetries(part.mesh), density_kg_m3=lightest)
 
@@ -64,22 +64,22 @@ def _attempt(rng: np.random.Generator) -> tuple[Manifold, list[Manifold]]:
         vertices = np.asarray(solid.to_mesh64().vert_properties)[:, :3]
         anchor = rng.uniform(0.6, 0.95) * vertices[rng.integers(len(vertices))]
         size = rng.uniform(0.35, 0.8)
-        body = _turned(_convex(rng), rng).scale((size, size, size)).translate(_point(anchor))
+        body = _turned(random_convex(rng), rng).scale((size, size, size)).translate(_point(anchor))
         solid, pieces = s.union(solid, body), [*pieces, body]
     holes = [_hole(solid, rng) for _ in range(rng.integers(0, 5))]
     solid = s.cut(solid, *holes)
-    low, high = _bounds(solid)
+    low, high = bounds(solid)
     factor = float(rng.uniform(SHORTEST_MM, LONGEST_MM) / (high - low).max())
     scale = (factor, factor, factor)
     return solid.scale(scale), [piece.scale(scale) for piece in pieces]
 
 
-def _is_sound(solid: Manifold, pieces: list[Manifold]) -> bool:
+def is_sound(solid: Manifold, pieces: list[Manifold]) -> bool:
     """Return whether the solid is in one piece, nowhere too thin, and not mostly holes."""
     if solid.is_empty() or len(solid.decompose()) != 1 or len(pieces) > 12:
         return False
     # Neither slivers nor crumbs, which contacts cannot hold still.
-    thinnest = min(float((high - low).min()) for low, high in map(_bounds, pieces))
+    thinnest = min(float((high - low).min()) for low, high in map(bounds, pieces))
     return thinnest >= _THINNEST_MM and solid.volume() > max(_SMALLEST_MM3, 0.75 * s.union(*pieces).volume())
 
 
@@ -112,11 +112,11 @@ def _base(rng: np.random.Generator) -> tuple[Manifold, list[Manifold]]:
         ends = np.concatenate([[0.0], np.cumsum(lengths)]) - lengths.sum() / 2
         spans = [(float(r), float(z0), float(z1)) for r, z0, z1 in zip(radii, ends[:-1], ends[1:], strict=True)]
         return s.union(*[s.cylinder(*span) for span in spans]), [s.round_piece(*span) for span in spans]
-    body = _convex(rng)
+    body = random_convex(rng)
     return body, [body]
 
 
-def _convex(rng: np.random.Generator) -> Manifold:
+def random_convex(rng: np.random.Generator) -> Manifold:
     """Return a convex body about the origin, 10 to 45 in each direction."""
     a, b, c = (float(x) for x in rng.uniform(10.0, 45.0, size=3))
     kind = rng.integers(6)
@@ -139,7 +139,7 @@ def _convex(rng: np.random.Generator) -> Manifold:
 
 def _hole(solid: Manifold, rng: np.random.Generator) -> Manifold:
     """Return a narrow tool along some axis through the solid's inner region: a through or blind hole, or a notch."""
-    low, high = _bounds(solid)
+    low, high = bounds(solid)
     centre = 0.5 * (low + high) + rng.uniform(-0.35, 0.35, size=3) * (high - low)
     width = float(rng.uniform(0.05, 0.12) * (high - low).max())
     length = float((high - low).max())
@@ -161,14 +161,15 @@ def _turned(solid: Manifold, rng: np.random.Generator) -> Manifold:
     return solid.rotate(_point(tilt)) if rng.random() < 0.25 else solid
 
 
-def _look(rng: np.random.Generator) -> Material:
+def random_look(rng: np.random.Generator) -> Material:
     """Return a colour and a gloss: half greys of metal, half colours."""
     saturation = rng.uniform(0.0, 0.12) if rng.random() < 0.5 else rng.uniform(0.3, 0.9)
     r, g, b = colorsys.hsv_to_rgb(rng.random(), saturation, rng.uniform(0.15, 0.95))
     return Material((r, g, b), specular=float(rng.uniform(0.1, 0.8)), shininess=float(rng.uniform(0.1, 0.8)))
 
 
-def _bounds(solid: Manifold) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+def bounds(solid: Manifold) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+    """Return the least and the greatest corner of a solid's box."""
     corners = np.array(solid.bounding_box())
     return corners[:3], corners[3:]
 
