@@ -47,7 +47,7 @@ class TrainingOptions:
         Raises:
             ConfigError: the file cannot be read, or does not hold settings of training.
         """
-        size, file, seed = (_value_of(option, arguments) for option in ("--size", "--config", "--seed"))
+        size, file, seed = (value_of(option, arguments) for option in ("--size", "--config", "--seed"))
         options = cls()
         if size in PRESETS:
             options = replace(options, size=size)
@@ -57,7 +57,7 @@ class TrainingOptions:
         return replace(options, seed=training.seed, training=training, network=PRESETS[options.size])
 
 
-def _value_of(option: str, arguments: Sequence[str]) -> str | None:
+def value_of(option: str, arguments: Sequence[str]) -> str | None:
     """Return the value that an option has in the arguments, None if it is not among them."""
     for argument, following in reversed([*zip_longest(arguments, arguments[1:])]):
         name, sign, value = argument.partition("=")

@@ -1,0 +1,102 @@
+"""Checkpoints of the detector: weights as safetensors with facts of their training, loaded strictly."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import safetensors
+from safetensors.torch import save as to_bytes
+
+from simpick.caching import atomic_write_bytes
+from simpick.errors import CheckpointError
+from simpick.estimators.detector.network import InstanceNetwork
+from simpick.estimators.detector.scores import MaskScore
+from simpick.estimators.raypose.strict_weights import check_weights
+
+FORMAT = "simpick-detector"
+VERSION = "1"
+"""Raised when the same weights would mean something else."""
+SHIPPED_WEIGHTS = "detector.safetensors"
+
+
+@dataclass(frozen=True, eq=False)
+class DetectorCheckpoint:
+    """A network and the facts of its training."""
+
+    network: InstanceNetwork
+    score: MaskScore
+    """Fitted to this network."""
+    card: dict[str, Any]
+
+
+def save_detector_checkpoint(path: Path, network: InstanceNetwork, score: MaskScore, card: dict[str, Any]) -> None:
+    """Write the card and the weights, those of convolutions in half precision, to one file, whole or not at all.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    tensors = {
+        # Variances of normalisation exceed the range of half precision.
+        name: (value.half() if value.ndim > 1 else value).detach().cpu().contiguous()
+        for name, value in network.state_dict().items()
+    }
+    header = {
+        "format": FORMAT,
+        "version": VERSION,
+        "score": json.dumps([score.intercept, *score.weights]),
+        "card": json.dumps(card),
+    }
+    atomic_write_bytes(path, to_bytes(tensors, header))
+
+
+def load_detector_checkpoint(path: Path) -> DetectorCheckpoint:
+    """Return the network of a checkpoint, ready to detect.
+
+    Raises:
+        CheckpointError: the file is missing, damaged, of another network or version, or its weights do not fit.
+    """
+    if not path.is_file():
+        raise CheckpointError(f"there is no checkpoint {path}; give the path of a .safetensors file of simpick")
+    try:
+        with safetensors.safe_open(str(path), framework="pt") as file:
+            header = file.metadata() or {}
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - no mapping
+    except (safetensors.SafetensorError, OSError, ValueError) as error:
+        raise CheckpointError(f"{path} is damaged or no safetensors file ({error})") from error
+    if header.get("format") != FORMAT:
+        raise CheckpointError(
+            f"{path} must be a checkpoint of simpick's detector, but its format is "
+            f"{header.get('format', 'not given')!r}"
+        )
+    if header.get("version") != VERSION:
+        raise CheckpointError(
+            f"{path} must be of version {VERSION}, got {header.get('version')!r}; use the simpick that wrote it"
+        )
+    network = InstanceNetwork()
+    check_weights(path, tensors, network.state_dict(), "simpick's detector")
+    network.load_state_dict({name: t.float() if t.is_floating_point() else t for name, t in tensors.items()})
+    try:
+        intercept, *weights = (float(value) for value in json.loads(header["score"]))
+        card = json.loads(header["card"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise CheckpointError(f"the card of {path} cannot be read ({error}); get the file again") from error
+    return DetectorCheckpoint(network.eval(), MaskScore(intercept, tuple(weights)), card)
+
+
+def shipped_detector_checkpoint() -> Path:
+    """Return the file of the weights that are part of simpick.
+
+    Raises:
+        CheckpointError: this installation has none.
+    """
+    path = Path(str(files("simpick.assets.weights").joinpath(SHIPPED_WEIGHTS)))
+    if not path.exists():
+        raise CheckpointError(
+            f"this installation has no weights of the detector ({path.name} is missing); train some with: "
+            "simpick train detector, and pass them as weights"
+        )
+    return path

@@ -1,0 +1,85 @@
+"""From the network's maps to instances: a cut of the merge tree, and what the score of each instance is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+import cv2
+import numpy as np
+from annotated_types import Interval
+from jaxtyping import Bool, Float, Float32, Int32
+
+from simpick.config import Config, Fraction, PositiveInt
+from simpick.estimators.detector.affinities import STRIDE
+from simpick.estimators.detector.merge_tree import MergeTree
+
+_Share = Annotated[float, Interval(gt=0, lt=1)]
+
+
+@dataclass(frozen=True)
+class DecodingConfig(Config):
+    """How instances are read from the maps."""
+
+    foreground: Fraction = 0.5
+    """Cells with at least this probability show a part."""
+    certain: _Share = 0.7
+    """Clusters with a mean affinity above this are merged whatever the parts look like."""
+    merge: _Share = 0.35
+    """Without knowledge of the parts, clusters with a mean affinity above this are merged."""
+    possible: _Share = 0.1
+    """Clusters with a mean affinity below this are never merged."""
+    min_cells: PositiveInt = 8
+    """Smaller instances are dropped."""
+
+
+@dataclass(frozen=True, eq=False)
+class Instances:
+    """Instances of one image, by number."""
+
+    labels: Int32[np.ndarray, "h w"]
+    """Number of the instance in each cell, from 1; 0 is background."""
+    features: Float[np.ndarray, "instances 4"]
+    """Mean affinity inside, mean affinity to others, mean foreground, logarithm of the cells."""
+
+
+def label_nodes(
+    tree: MergeTree, nodes: Sequence[int], foreground: Float32[np.ndarray, "h w"], min_cells: int
+) -> Instances:
+    """Return these nodes of the tree as instances, without those of fewer cells than `min_cells`."""
+    kept = [k for k in nodes if tree.nodes[k].cells >= min_cells]
+    number = np.zeros(int(tree.regions.max(initial=0)) + 1, np.int32)
+    for k, node in enumerate(kept, 1):
+        number[list(tree.nodes[node].regions)] = k
+    labels = number[tree.regions]
+    first, second = number[tree.pairs.regions].T
+    count = len(kept) + 1
+    inside, outside = np.zeros((count, 2)), np.zeros((count, 2))
+    amounts = np.stack([tree.pairs.sums, tree.pairs.counts], axis=1)
+    is_inside = first == second
+    np.add.at(inside, first[is_inside], amounts[is_inside])
+    for side in (first, second):
+        np.add.at(outside, side[~is_inside], amounts[~is_inside])
+    cells = np.maximum(np.bincount(labels.ravel(), minlength=count), 1)
+    shown = np.bincount(labels.ravel(), weights=foreground.ravel(), minlength=count) / cells
+    means = [sums[:, 0] / np.maximum(sums[:, 1], 1) for sums in (inside, outside)]
+    features = np.stack([*means, shown, np.log(cells)], axis=1)
+    return Instances(labels, features[1:])
+
+
+def full_mask(cells: Bool[np.ndarray, "h w"], height: int, width: int) -> Bool[np.ndarray, "height width"]:
+    """Return a mask at the image's size, its border interpolated between cells; masks of disjoint cells are disjoint.
+
+    Raises:
+        ValueError: there are no cells.
+    """
+    rows, columns = np.flatnonzero(cells.any(axis=1)), np.flatnonzero(cells.any(axis=0))
+    top, bottom = max(rows[0] - 1, 0), min(rows[-1] + 2, cells.shape[0])
+    left, right = max(columns[0] - 1, 0), min(columns[-1] + 2, cells.shape[1])
+    window = cells[top:bottom, left:right].astype(np.float32)
+    size = (STRIDE * (right - left), STRIDE * (bottom - top))
+    mask = np.zeros((cells.shape[0] * STRIDE, cells.shape[1] * STRIDE), bool)
+    soft = cv2.resize(window, size, interpolation=cv2.INTER_LINEAR) > 0.5
+    mask[STRIDE * top : STRIDE * bottom, STRIDE * left : STRIDE * right] = soft
+    return mask[:height, :width]

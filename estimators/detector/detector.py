@@ -1,0 +1,102 @@
+"""`LearnedDetector`: finds parts that it was never trained on, from the image and the parts' CAD alone."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from simpick.assets.part import Part
+from simpick.config import Config, Fraction
+from simpick.estimators.detector.checkpoints import load_detector_checkpoint, shipped_detector_checkpoint
+from simpick.estimators.detector.naming import PartNaming
+from simpick.estimators.detector.scores import exposure, name_probability
+from simpick.estimators.detector.segmenter import InstanceSegmenter
+from simpick.geometry import box_of_mask
+from simpick.records import CameraFrame, Detection
+
+
+class AlikePartsWarning(UserWarning):
+    """Two of the parts that may be in the bin look so alike that their names may be confused."""
+
+
+@dataclass(frozen=True)
+class LearnedDetectorConfig(Config):
+    """What counts as a detection."""
+
+    min_score: Fraction = 0.1
+    """Detections with a lower probability are dropped."""
+    min_name_probability: Fraction = 0.35
+    """An instance whose name is right with a lower probability is taken for none of the parts, and is dropped."""
+
+
+class LearnedDetector:
+    """Segments the image without regard to parts, then names each instance. Implements `Detector`.
+
+    Of the frame it reads `rgb` and `camera` only: neither depth, nor instance ids, nor the camera's pose.
+    """
+
+    def __init__(self, weights: Path | None = None, config: LearnedDetectorConfig | None = None) -> None:
+        """Load the network; `weights` are those of another training than the shipped ones.
+
+        Raises:
+            CheckpointError: the weights are missing, damaged, or of another network.
+        """
+        self.config = config or LearnedDetectorConfig()
+        checkpoint = load_detector_checkpoint(weights or shipped_detector_checkpoint())
+        self.segmenter = InstanceSegmenter(checkpoint.network, checkpoint.score)
+        self.naming = PartNaming()
+        self._checked: set[frozenset[str]] = set()
+
+    def onboard(self, part: Part) -> None:
+        """Prepare the part's templates, or take them from the cache; `detect` does it for parts that are new."""
+        self.naming.onboard(part)
+
+    def detect(self, frame: CameraFrame, parts: Sequence[Part]) -> list[Detection]:
+        """Return detections of these parts, the most probable first; none for what is none of the parts.
+
+        The score is the probability that the mask overlaps one instance of this part by an IoU of at least one half.
+
+        Raises:
+            ConfigError: the image is not of 8-bit RGB, has another size than its camera, or is smaller than 32 px.
+
+        Warns:
+            AlikePartsWarning: two parts look so alike that their names may be confused; once for each set of parts.
+        """
+        if not parts:
+            return []
+        self._warn_of_alike(parts)
+
+        def judge(masks: Sequence[Bool[np.ndarray, "height width"]]) -> Float[np.ndarray, "masks"]:
+            return self.naming.compare(frame, masks, parts).similarity.max(axis=1)
+
+        found = self.segmenter.segment(frame.rgb, judge)
+        if not found.masks:
+            return []
+        named = self.naming.compare(frame, found.masks, parts)
+        best = named.similarity.argmax(axis=1)
+        is_named = name_probability(named.similarity, exposure(found.masks))
+        scores = found.scores * is_named
+        detections = [
+            Detection(parts[int(best[k])].name, box_of_mask(mask), mask, float(scores[k]))
+            for k, mask in enumerate(found.masks)
+            if is_named[k] >= self.config.min_name_probability and scores[k] >= self.config.min_score
+        ]
+        return sorted(detections, key=lambda detection: -detection.score)
+
+    def _warn_of_alike(self, parts: Sequence[Part]) -> None:
+        key = frozenset(part.content_hash for part in parts)
+        if key in self._checked:
+            return
+        self._checked.add(key)
+        if pairs := self.naming.alike(parts):
+            names = "; ".join(f"{first} and {second}" for first, second in pairs)
+            warnings.warn(
+                f"these parts look alike, so detections may confuse their names: {names}",
+                AlikePartsWarning,
+                stacklevel=3,
+            )

@@ -1,0 +1,44 @@
+"""``simpick detector-benchmark``: how well the learned detector finds and names library parts in fixed bins."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from simpick.config import Config, PositiveInt
+
+
+@dataclass(frozen=True)
+class DetectorBenchmark(Config):
+    """Score the learned detector on the pose benchmark's bins.
+
+    The figures are over instances of which at least 30 % are visible, with 95 % intervals over bins. In a mixed bin
+    the detector is given all 28 parts that such bins are filled from.
+    """
+
+    bins: Annotated[PositiveInt | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: all 50)")] = None
+    """How many bins to use, from the first."""
+    weights: Annotated[Path | None, tyro.conf.arg(metavar="PATH", help_behavior_hint="(default: those that ship)")] = (
+        None
+    )
+    """Weights of another training."""
+    threads: PositiveInt = 2
+    """Threads of the network."""
+
+    def run(self) -> int:
+        """Detect and print the table."""
+        import torch
+
+        from simpick.estimators.detector import LearnedDetector
+        from simpick.pose_eval.benchmark_bins import benchmark_bins
+        from simpick.pose_eval.detector_benchmark import detect_bins, figures_table
+        from simpick.terminal import Console
+
+        torch.set_num_threads(self.threads)
+        console = Console()
+        found = detect_bins(lambda: LearnedDetector(self.weights), benchmark_bins(self.bins), console)
+        console.print(figures_table(found))
+        return 0

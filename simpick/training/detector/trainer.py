@@ -1,0 +1,224 @@
+"""`train_detector`: the training loop, with a time budget and exact resume."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import nn
+
+from simpick.errors import SimpickError
+from simpick.estimators.detector.checkpoints import load_detector_checkpoint, save_detector_checkpoint
+from simpick.estimators.detector.encoder import load_imagenet_weights
+from simpick.estimators.detector.network import InstanceNetwork
+from simpick.training.budget import Budget
+from simpick.training.detector.batches import CropBatch, CropBatches
+from simpick.training.detector.bin_files import ensure_training_bins
+from simpick.training.detector.config import DetectorTrainConfig
+from simpick.training.detector.losses import loss_terms, weighted_sum
+from simpick.training.detector.validation import DetectorValidation
+from simpick.training.graceful_stop import GracefulStop
+from simpick.training.resources import Resources
+from simpick.training.run_folder import TrainingFolder
+
+LOG_STEPS = 20
+"""Every so many steps a row of the log reports the losses."""
+
+
+def train_detector(
+    config: DetectorTrainConfig,
+    budget: Budget,
+    folder: Path,
+    *,
+    resources: Resources | None = None,
+    imagenet_weights: Path | None = None,
+    start_from: Path | None = None,
+    on_row: Callable[[dict[str, Any], float], None] | None = None,
+) -> Path:
+    """Train the detector until the budget is spent and return the file of its weights.
+
+    A folder that holds a run of the same configuration resumes where that stopped. Bins are made before training, as
+    far as they are missing, in `Resources.shards` or the run's own folder. `imagenet_weights` are those of the encoder
+    (see `load_imagenet_weights`), `start_from` those of a whole detector; without either, all weights are random.
+
+    Raises:
+        OutputError: the folder holds another run, or cannot be written.
+        CheckpointError: the weights to start from do not fit.
+        SimpickError: the loss is no longer finite.
+        KeyboardInterrupt: Ctrl-C or SIGTERM; the current step was finished and the state saved.
+    """
+    resources = resources or Resources()
+    if resources.threads:
+        torch.set_num_threads(resources.threads)
+    name = resources.device
+    device = torch.device(("cuda" if torch.cuda.is_available() else "cpu") if name == "auto" else name)
+    run = TrainingFolder(folder, {"training": asdict(config)})
+    saved = run.load_state()
+    state = _start(config, device, *((None, None) if saved else (imagenet_weights, start_from)))
+    if saved:
+        state.load(saved)
+    _Trainer(config, budget, resources, device, run, state, on_row or (lambda row, progress: None)).run()
+    return run.weights
+
+
+@dataclass
+class _State:
+    """All that changes from step to step."""
+
+    model: InstanceNetwork
+    average: InstanceNetwork
+    optimizer: torch.optim.Optimizer
+    step: int = 0
+    seconds: float = 0.0
+
+    def save(self) -> dict[str, Any]:
+        return {
+            "model": self.model.state_dict(),
+            "average": self.average.state_dict(),
+            "optimizer": self.optimizer.state_dict(),
+            "step": self.step,
+            "seconds": self.seconds,
+        }
+
+    def load(self, saved: dict[str, Any]) -> None:
+        self.model.load_state_dict(saved["model"])
+        self.average.load_state_dict(saved["average"])
+        self.optimizer.load_state_dict(saved["optimizer"])
+        self.step, self.seconds = saved["step"], saved["seconds"]
+
+    def update_average(self, decay: float) -> None:
+        # Early averages forget faster, or they would keep random weights for long.
+        decay = min(decay, (1 + self.step) / (10 + self.step))
+        with torch.no_grad():
+            old, new = self.average.state_dict(), self.model.state_dict()
+            for name, value in new.items():
+                if value.is_floating_point():
+                    old[name].lerp_(value, 1 - decay)
+
+
+def _start(
+    config: DetectorTrainConfig, device: torch.device, imagenet_weights: Path | None, start_from: Path | None
+) -> _State:
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(config.seed)
+        model = InstanceNetwork()
+    if imagenet_weights is not None:
+        load_imagenet_weights(model.encoder, imagenet_weights)
+    if start_from is not None:
+        model.load_state_dict(load_detector_checkpoint(start_from).network.state_dict())
+    model = model.to(device).to(memory_format=torch.channels_last)  # pyright: ignore[reportCallIssue]
+    frozen = [model.encoder.stem, *model.encoder.stages[: config.frozen_stages]] if config.frozen_stages else []
+    for module in frozen:
+        module.requires_grad_(False)
+    encoder = [p for p in model.encoder.parameters() if p.requires_grad]
+    others = [p for name, p in model.named_parameters() if not name.startswith("encoder.")]
+    groups = [{"params": encoder, "factor": config.encoder_rate}, {"params": others, "factor": 1.0}]
+    optimizer = torch.optim.AdamW(groups, lr=config.learning_rate, weight_decay=config.weight_decay)
+    return _State(model.train(), copy.deepcopy(model).eval(), optimizer)
+
+
+class _Trainer:
+    def __init__(
+        self,
+        config: DetectorTrainConfig,
+        budget: Budget,
+        resources: Resources,
+        device: torch.device,
+        run: TrainingFolder,
+        state: _State,
+        on_row: Callable[[dict[str, Any], float], None],
+    ) -> None:
+        self.config, self.budget, self.resources, self.device = config, budget, resources, device
+        self.run_folder, self.state, self.on_row = run, state, on_row
+        self.sums: dict[str, float] = {}
+        self.counted = 0
+
+    def run(self) -> None:
+        """Train until the budget is spent."""
+        if self._progress() >= 1 and self.run_folder.weights.exists():
+            return
+        folder = self.resources.shards or self.run_folder.shards
+        with GracefulStop() as graceful_stop:
+            config, workers = self.config, self.resources.renderers
+            files = ensure_training_bins(folder, config, "train", workers, graceful_stop)
+            held_out = ensure_training_bins(folder, config, "validation", workers, graceful_stop)
+            batches = CropBatches(self.config, files, self.resources.loaders)
+            try:
+                self._loop(batches, DetectorValidation(held_out), graceful_stop)
+            finally:
+                batches.close()
+
+    def _loop(self, batches: CropBatches, validation: DetectorValidation, graceful_stop: GracefulStop) -> None:
+        last = time.perf_counter()
+        validated_s = self.state.seconds
+        while self._progress() < 1 and not graceful_stop.requested:
+            self._step(batches.get(self.state.step))
+            now = time.perf_counter()
+            self.state.seconds += now - last
+            last = now
+            if self.state.step % LOG_STEPS == 0:
+                self._log()
+            if self.state.seconds - validated_s >= self.resources.validate_every_s:
+                validated_s = self.state.seconds
+                self._validate(validation)
+                # Validation is not training: its time is not charged.
+                last = time.perf_counter()
+        if graceful_stop.requested:
+            self.run_folder.save_state(self.state.save())
+            raise KeyboardInterrupt
+        self._validate(validation)
+
+    def _step(self, batch: CropBatch) -> None:
+        config, state = self.config, self.state
+        rate = config.learning_rate_at(state.step, min(1.0, self._progress()))
+        for group in state.optimizer.param_groups:
+            group["lr"] = rate * group["factor"]
+        batch = batch.to(self.device)
+        with torch.autocast(self.device.type, torch.bfloat16):
+            maps = state.model(batch.rgb.float().contiguous(memory_format=torch.channels_last))
+        terms = loss_terms(maps, batch)
+        loss = weighted_sum(terms, config.losses)
+        state.optimizer.zero_grad(set_to_none=True)
+        loss.backward()
+        norm = float(nn.utils.clip_grad_norm_(state.model.parameters(), config.max_grad_norm))
+        if not math.isfinite(norm):
+            raise SimpickError(
+                f"the loss is not finite at step {state.step}; the last saved state is kept. "
+                "Start again with a lower learning_rate"
+            )
+        state.optimizer.step()
+        state.step += 1
+        state.update_average(config.ema_decay)
+        for name, value in {**terms, "loss": loss}.items():
+            self.sums[name] = self.sums.get(name, 0.0) + float(value.detach())
+        self.counted += 1
+
+    def _log(self) -> None:
+        means = {name: round(value / self.counted, 4) for name, value in self.sums.items()}
+        self.sums, self.counted = {}, 0
+        rate = self.state.step * self.config.batch / max(self.state.seconds, 1e-9)
+        self._row("train", {**means, "crops_per_s": round(rate, 2)})
+
+    def _validate(self, validation: DetectorValidation) -> None:
+        # The state first: a decoder that fails must not cost what was learned.
+        self.run_folder.save_state(self.state.save())
+        figures, score = validation.measure(self.state.average)
+        self._row("validation", figures)
+        card = {"training": json.loads(json.dumps(asdict(self.config))), "validation": figures}
+        card |= {"steps": self.state.step, "hours": self.state.seconds / 3600}
+        save_detector_checkpoint(self.run_folder.weights, self.state.average, score, card)
+
+    def _row(self, split: str, figures: dict[str, float]) -> None:
+        row = {"step": self.state.step, "seconds": round(self.state.seconds, 1), "split": split, **figures}
+        self.run_folder.log(row)
+        self.on_row(row, min(1.0, self._progress()))
+
+    def _progress(self) -> float:
+        return self.budget.progress(self.state.step, self.state.seconds)
