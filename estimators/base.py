@@ -22,6 +22,15 @@ class Detector(Protocol):
 
 
 @runtime_checkable
+class OnboardingDetector(Detector, Protocol):
+    """A `Detector` that prepares for parts, so that the first image does not wait for it."""
+
+    def onboard(self, part: Part) -> None:
+        """Prepare for a part; cached on disk by `Part.content_hash`."""
+        ...
+
+
+@runtime_checkable
 class PoseEstimator(Protocol):
     """Turns detections into 6D poses."""
 

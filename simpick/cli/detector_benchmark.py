@@ -1,30 +1,34 @@
-"""``simpick detector-benchmark``: how well the learned detector finds and names library parts in fixed bins."""
+"""``simpick detector-benchmark``: how well a detector finds and names library parts in fixed bins."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
 from simpick.config import Config, PositiveInt
+from simpick.errors import ConfigError
 
 
 @dataclass(frozen=True)
 class DetectorBenchmark(Config):
-    """Score the learned detector on the pose benchmark's bins.
+    """Score a detector on the pose benchmark's bins.
 
     The figures are over instances of which at least 30 % are visible, with 95 % intervals over bins. In a mixed bin
     the detector is given all 28 parts that such bins are filled from.
     """
 
+    detector: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="DETECTOR")] = "learned"
+    """learned, or a detector of another package."""
     bins: Annotated[PositiveInt | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: all 50)")] = None
     """How many bins to use, from the first."""
     weights: Annotated[Path | None, tyro.conf.arg(metavar="PATH", help_behavior_hint="(default: those that ship)")] = (
         None
     )
-    """Weights of another training."""
+    """learned: weights of another training."""
     threads: PositiveInt = 2
     """Threads of the network."""
 
@@ -32,13 +36,17 @@ class DetectorBenchmark(Config):
         """Detect and print the table."""
         import torch
 
+        from simpick.estimators.detections import find_detector
         from simpick.estimators.detector import LearnedDetector
         from simpick.pose_eval.benchmark_bins import benchmark_bins
         from simpick.pose_eval.detector_benchmark import detect_bins, figures_table
         from simpick.terminal import Console
 
+        if self.weights is not None and self.detector != "learned":
+            raise ConfigError(f"--weights are for the detector 'learned', got {self.detector!r}")
         torch.set_num_threads(self.threads)
         console = Console()
-        found = detect_bins(lambda: LearnedDetector(self.weights), benchmark_bins(self.bins), console)
+        make = find_detector(self.detector).make if self.weights is None else partial(LearnedDetector, self.weights)
+        found = detect_bins(make, benchmark_bins(self.bins), console)
         console.print(figures_table(found))
         return 0

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from simpick.assets.part import Part
-from simpick.estimators.base import Detector, PoseEstimator
+from simpick.estimators.base import Detector, OnboardingDetector, PoseEstimator
 from simpick.estimators.boundary import validated_detections, validated_estimates
 from simpick.records import CameraFrame, Detection, PoseEstimate
 
@@ -31,9 +31,11 @@ class Perception:
     estimator: PoseEstimator
 
     def onboard(self, parts: Sequence[Part]) -> None:
-        """Prepare the estimator for these parts."""
+        """Prepare the estimator for these parts, and the detector if it needs that."""
         for part in parts:
             self.estimator.onboard(part)
+            if isinstance(self.detector, OnboardingDetector):
+                self.detector.onboard(part)
 
     def perceive(self, frame: CameraFrame, parts: Sequence[Part]) -> Percept:
         """Detect these parts in the frame and estimate their poses, all in one batch."""

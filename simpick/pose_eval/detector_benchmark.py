@@ -10,12 +10,13 @@ import numpy as np
 
 from simpick.assets.library import get_part
 from simpick.estimators.base import Detector
+from simpick.estimators.boundary import validated_detections
 from simpick.metrics.intervals import Interval, percentile_interval, resample_bins
 from simpick.metrics.mask_scores import MaskScores
 from simpick.metrics.masks import MaskOverlaps, mask_overlaps, match_masks
 from simpick.pose_eval.benchmark_bins import BenchmarkBin, load_view
 from simpick.pose_eval.bin_images import BinView
-from simpick.records import CameraFrame, Detection
+from simpick.records import Detection
 from simpick.terminal import Console, Table, narrow_table, track
 
 VISIBILITY = ((0.3, 0.5), (0.5, 0.7), (0.7, 0.9), (0.9, 1.01))
@@ -41,19 +42,18 @@ def detect_bins(
 ) -> list[BinDetections]:
     """Return what a detector finds in each bin, of the parts that the bin is filled from.
 
-    The detector is given image, camera and the camera's pose; neither depth nor instance ids.
+    The detector gets neither depth nor instance ids.
     """
     detector = make_detector()
     found = []
     for bin in track(bins, "detecting", console=console):
         view = load_view(bin)
-        frame = CameraFrame(view.frame.rgb, view.frame.camera, view.frame.T_world_camera)
         parts = [get_part(name) for name in bin.config.parts]
         # The first detection of a part includes making its templates.
         if not found or any(part.name not in found[-1].bin.config.parts for part in parts):
-            detector.detect(frame, parts)
+            validated_detections(detector, view.frame, parts)
         start = time.perf_counter()
-        detections = detector.detect(frame, parts)
+        detections = validated_detections(detector, view.frame, parts)
         found.append(compare_bin(bin, view, detections, time.perf_counter() - start))
     return found
 

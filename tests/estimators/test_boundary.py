@@ -1,6 +1,7 @@
 """The boundary of perception: no truth goes in, no wrong answer comes out."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,10 +28,10 @@ GOOD = Detection("hex_nut", np.array([0.0, 0.0, 32.0, 24.0]), MASK, 0.5)
 class Detects:
     """Returns what it was given, or raises it; keeps the frame that it saw."""
 
-    def __init__(self, answer) -> None:
+    def __init__(self, answer: Any) -> None:
         self.answer = answer
 
-    def detect(self, frame, parts):
+    def detect(self, frame, parts) -> Any:
         self.frame = frame
         if isinstance(self.answer, Exception):
             raise self.answer
