@@ -38,8 +38,7 @@ class Evaluate(Config):
     estimator: str = "oracle"
     """oracle, an estimator that ships, or one of another package; NAME@K asks for K hypotheses."""
     detections: str = "perfect"
-    """perfect, learned, or a detector of another package; bins also: realistic or box; data sets also: a JSON file in
-    BOP's format."""
+    """perfect, learned, or another detector; bins also: realistic or box; data sets also: a JSON file of BOP."""
     dataset: Annotated[Path | None, _unless_given("DIR", "simulated bins")] = None
     """Folder of a BOP data set."""
     split: Annotated[str | None, _unless_given("NAME", "test, or the only one")] = None

@@ -29,8 +29,7 @@ class PoseBenchmark(Config):
     )
     """oracle, an estimator that ships, or one of another package; NAME@K asks for K hypotheses."""
     detections: Annotated[tuple[str, ...], MinLen(1), tyro.conf.arg(metavar="NAME ...")] = ("perfect", "realistic")
-    """What poses are estimated from: learned (found in the image), perfect, realistic or box (of the simulator), or a
-    detector of another package; each is scored on its own."""
+    """learned (found in the image), perfect, realistic or box (simulated), or detectors of another package."""
     bins: Annotated[PositiveInt | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: all 50)")] = None
     """How many bins to use, from the first; only all 50 give the benchmark's figures."""
     hypotheses: Annotated[PositiveInt | None, tyro.conf.arg(metavar="INT", help_behavior_hint=_ESTIMATORS_OWN)] = None

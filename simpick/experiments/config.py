@@ -40,8 +40,7 @@ class CellConfig(Config):
     bin_mm: tuple[_SideMm, _SideMm, _SideMm] = (400.0, 300.0, 120.0)
     """Inner length (across the arm's reach), width and depth of the bin, in millimetres."""
     detections: str = "perfect"
-    """What poses are estimated from: learned (found in the image), perfect, realistic or box (of the simulator), or a
-    detector of another package. The oracle has perfect ones instead of those found in the image."""
+    """learned (found in the image), perfect, realistic or box (simulated), or a detector of another package."""
     randomization: str = "default"
     """Preset of lights, colours, textures and camera jitter: default, none or strong."""
     max_consecutive_failures: PositiveInt = 2
