@@ -13,7 +13,7 @@ from simpick.geometry import rotation_from_6d, rotation_to_6d, transform
 from simpick.scene.workspace import Box
 
 ABSTAIN: Float32[np.ndarray, "10"] = np.zeros(10, np.float32)
-"""No pick. All zeros are no rotation, so that no real pick is lost; the arm stays at home and the attempt counts."""
+"""No pick. All zeros are no rotation, so that no real pick is lost; the arm stays at home, and the pick counts."""
 
 
 def encode_action(

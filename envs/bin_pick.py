@@ -1,4 +1,4 @@
-"""``simpick/BinPick-v0``: one step is one attempt to pick a part from the bin."""
+"""``simpick/BinPick-v0``: one step is one pick from the bin."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from simpick.scene.workspace import tcp_workspace
 
 SUCCESS_REWARD = 1.0
 """Per part delivered."""
-ATTEMPT_COST = 0.1
-"""For an attempt that delivered nothing."""
+FAILED_PICK_COST = 0.1
+"""For a pick that delivered nothing, abstentions included."""
 COLLISION_COST = 0.1
-"""In addition, for an attempt that ended in a collision."""
+"""In addition, for a pick that ended in a collision."""
 
 ABSTAINED = PickResult(PickOutcome.NO_GRASP, "the action abstained")
 """The result of an all-zero action."""
 
 
 class BinPickEnv(BinEnv, EzPickle):
-    """Empty a bin of parts with a robot arm: one step is one attempt to pick a part.
+    """Empty a bin of parts with a robot arm: one step is one pick.
 
     ## Description
 
@@ -53,7 +53,7 @@ class BinPickEnv(BinEnv, EzPickle):
     | 3-8 | first two columns of the TCP's rotation (6D representation) | -1 | 1 | - |
     | 9 | opening of the gripper before it closes | 0 | `Gripper.max_opening_m` | m |
 
-    An action of zeros attempts no pick; the attempt counts.
+    An action of zeros abstains: the arm stays at home, and the step counts as a pick that delivered nothing.
 
     ## Observation Space
 
@@ -73,12 +73,12 @@ class BinPickEnv(BinEnv, EzPickle):
     ## Information
 
     `reset` and `step` return ``is_success`` (the bin is empty) and ``truth``, arrays with one row per instance for
-    evaluation only, NaN once an instance is removed. `step` adds ``pick``, the `PickRecord` of the attempt, and
+    evaluation only, NaN once an instance is removed. `step` adds ``pick``, the `PickRecord` of this step, and
     ``ended``, the reason why the episode ended, or "".
 
     ## Rewards
 
-    +1 per part delivered, -0.1 for an attempt that delivered none, and another -0.1 for a collision.
+    +1 per part delivered, -0.1 for a pick that delivered none, and another -0.1 for a collision.
 
     ## Starting State
 
@@ -88,9 +88,9 @@ class BinPickEnv(BinEnv, EzPickle):
     ## Episode End
 
     1. Termination: the bin is empty (``cleared``).
-    2. Termination: `max_consecutive_failures` attempts in a row delivered nothing (``consecutive_failures``).
+    2. Termination: `max_consecutive_failures` picks in a row delivered nothing (``consecutive_failures``).
     3. Termination: the physics diverged (``simulation_fault``).
-    4. Truncation: `max_picks` attempts.
+    4. Truncation: `max_picks` picks.
 
     ## Arguments
 
@@ -100,8 +100,8 @@ class BinPickEnv(BinEnv, EzPickle):
     | `count` | `12` | parts in the bin, 1 to 50 |
     | `gripper` | `'jaw'` | name of the gripper: jaw, suction, or one that another package adds |
     | `randomization` | `'default'` | how much looks vary with the seed: default, none or strong |
-    | `max_consecutive_failures` | `2` | failed attempts in a row that end the episode |
-    | `max_picks` | `None` | attempts that end the episode; None for no limit |
+    | `max_consecutive_failures` | `2` | picks in a row without a delivery that end the episode |
+    | `max_picks` | `None` | picks that end the episode; None for no limit |
     | `scene_config` | `None` | sets every detail instead of the first four arguments |
     | `render_mode` | `None` | None, rgb_array or rgb_array_list |
 
@@ -170,7 +170,7 @@ class BinPickEnv(BinEnv, EzPickle):
         return self._observe(), self._info()
 
     def step(self, action: np.ndarray) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
-        """Attempt the pick that `action` commands and look again."""
+        """Make the pick that `action` commands and look again."""
         start = time.perf_counter()
         command = decode_action(action, self.workspace, self._max_opening_m)
         self._look_s = 0.0
@@ -180,7 +180,7 @@ class BinPickEnv(BinEnv, EzPickle):
         delivered = len(result.delivered)
         self._failures = 0 if delivered else self._failures + 1
         self._last_outcome = result.outcome
-        reward = SUCCESS_REWARD * delivered - ATTEMPT_COST * (delivered == 0)
+        reward = SUCCESS_REWARD * delivered - FAILED_PICK_COST * (delivered == 0)
         reward -= COLLISION_COST * (result.outcome is PickOutcome.COLLISION)
         pick = PickRecord(**vars(result), pick=self._picks, remaining=len(self.scene.parts_in_bin()))
         self._picks += 1

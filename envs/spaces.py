@@ -49,7 +49,7 @@ ACTION_TABLE = (
     ActionItem("3-8", "first two columns of the TCP's rotation (6D representation)", "-1", "1", "-"),
     ActionItem("9", "opening of the gripper before it closes", "0", "`Gripper.max_opening_m`", "m"),
 )
-"""Elements of an action of `BinPickEnv`. An action of zeros attempts no pick."""
+"""Elements of an action of `BinPickEnv`. An action of zeros abstains."""
 
 
 def observation_table(width: int, height: int) -> tuple[ObservationItem, ...]:

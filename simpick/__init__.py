@@ -8,7 +8,7 @@ Public names, each loaded with its libraries on first use:
 `load_estimator`     a pose estimator by name: ``load_estimator("refined")``
 `Perception`         a detector and a pose estimator, which together find parts in an image
 `PickPolicy`         perception, the choice of a grasp, and memory of failures: from an observation to an action
-`run_episode`        let a policy pick one bin empty; returns every attempt with its outcome and cause
+`run_episode`        let a policy pick one bin empty; returns every pick with its outcome and cause
 `compare`            let several perception modes pick the same bins; returns paired statistics
 ===================  ==================================================================================================
 

@@ -147,10 +147,10 @@ class PickResult:
 
 @dataclass(frozen=True, kw_only=True)
 class PickRecord(PickResult):
-    """One pick attempt of an episode, as it is stored in ``results.jsonl``."""
+    """One pick of an episode, as it is stored in ``results.jsonl``."""
 
     pick: int
-    """Number of the attempt within its episode, from 0."""
+    """Number of the pick within its episode, from 0."""
     remaining: int
     """Parts left in the bin afterwards."""
     target_part: str | None = None

@@ -44,7 +44,7 @@ class CellConfig(Config):
     randomization: str = "default"
     """Preset of lights, colours, textures and camera jitter: default, none or strong."""
     max_consecutive_failures: PositiveInt = 2
-    """Failed attempts in a row that end an episode (VGN's protocol has two)."""
+    """End an episode after this many picks in a row that delivered nothing, abstentions included."""
 
     def cell(self) -> dict[str, Any]:
         """Return the settings of the cell alone, by name."""

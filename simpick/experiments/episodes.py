@@ -123,7 +123,7 @@ def run_episode(
     recorder: Recorder | None = None,
     on_pick: Callable[[PickRecord], None] | None = None,
 ) -> EpisodeResult:
-    """Let `policy` pick the bin of this seed until the episode ends, and return every attempt.
+    """Let `policy` pick the bin of this seed until the episode ends, and return every pick.
 
     Each `PickRecord` holds outcome, cause, the pose's error and timings; `on_pick` receives it as soon as it is known.
     `episode`, `mode` (by default the perception's name) and `settings` name the episode in its result and recording.
@@ -166,7 +166,7 @@ def run_episode(
 def _pick(
     env: BinPickEnv, policy: PickPolicy, observation: dict[str, Any], number: int, recorder: Recorder
 ) -> tuple[PickRecord, dict[str, Any], str]:
-    """Make one attempt; return its record, the next observation, and why the episode ended, if it did."""
+    """Make one pick; return its record, the next observation, and why the episode ended, if it did."""
     truth, render_s = env.truth(), env.timings_s["render"]
     recorder.start_pick(number)
     frame = frame_from_observation(observation)

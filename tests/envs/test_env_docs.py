@@ -72,6 +72,6 @@ def test_the_table_of_arguments_is_the_signature(env: type[BinEnv]) -> None:
 
 def test_the_rewards_are_the_constants() -> None:
     pick, servo = documented(BinPickEnv, "Rewards"), documented(BinServoEnv, "Rewards")
-    assert f"+{bin_pick.SUCCESS_REWARD:g} per part" in pick and f"-{bin_pick.ATTEMPT_COST:g} for an attempt" in pick
+    assert f"+{bin_pick.SUCCESS_REWARD:g} per part" in pick and f"-{bin_pick.FAILED_PICK_COST:g} for a pick" in pick
     assert f"another -{bin_pick.COLLISION_COST:g} for a collision" in pick
     assert f"+{bin_servo.DELIVERY_REWARD:g} per part" in servo and f"-{bin_servo.COLLISION_COST:g} per tick" in servo

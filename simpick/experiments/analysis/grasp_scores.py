@@ -14,7 +14,7 @@ from simpick.records import PickOutcome, PickRecord
 PERCEPTION_STAGES = ("render", "detect", "estimate", "plan", "look")
 """Wall-clock stages that a robot would wait for; MPPH counts them beside the motion."""
 ABSTENTIONS = (PickOutcome.NOTHING_DETECTED, PickOutcome.NO_GRASP)
-"""Outcomes of picks in which the arm stayed at home."""
+"""Outcomes of picks that are no attempts: the policy sent no grasp to the arm."""
 
 
 @dataclass(frozen=True)
@@ -23,11 +23,11 @@ class GraspScores:
 
     episodes: int
     attempts: int
-    """Grasps that the arm was sent to execute."""
+    """Grasps that were sent to the arm, unreachable ones included."""
     abstentions: int
-    """Picks in which nothing was detected or no grasp was left; no attempts, but consecutive failures of an episode."""
+    """Picks in which nothing was detected or no grasp was left; no attempts, but they count as consecutive failures."""
     grasp_success: float
-    """Share of attempts that delivered exactly one part, as VGN counts it."""
+    """Share of attempts that delivered exactly one part, as in VGN (Volumetric Grasping Network)."""
     clearance: float
     """Share of the parts in the bins that were delivered."""
     cleared_episodes: float
