@@ -24,6 +24,7 @@ $(READY): pyproject.toml .ci/constraints.txt .ci/ensure-gl
 	  { echo "simpick needs Python 3.11 or newer, $(PYTHON) is $$($(PYTHON) --version 2>&1). Try: make PYTHON=python3.12 $(MAKECMDGOALS)" >&2; exit 1; }
 	@$(PYTHON) -m venv $(VENV) || \
 	  { echo "could not make a virtual environment; on Debian or Ubuntu: sudo apt-get install -y python3-venv" >&2; exit 1; }
+	@echo "installing, about a minute"
 	$(BIN)/python -m pip install --quiet --constraint .ci/constraints.txt --editable '.[dev]'
 	.ci/ensure-gl $(BIN)/python
 	@touch $@
@@ -50,6 +51,7 @@ lint: $(READY)
 docs: $(READY)
 	$(BIN)/python -m pip install --quiet --constraint .ci/constraints.txt --editable '.[docs]'
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo "site/index.html; with search: $(BIN)/python -m http.server -d site"
 
 doctor: $(READY)
 	$(BIN)/simpick doctor

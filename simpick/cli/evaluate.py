@@ -36,7 +36,7 @@ class Evaluate(Config):
     """
 
     estimator: str = "oracle"
-    """oracle, an estimator that ships, or one of another package; NAME@K asks for K hypotheses."""
+    """oracle, retrieval, coarse, fine, refined, retrieval_refined, or another package's; NAME@K: K hypotheses."""
     detections: str = "perfect"
     """perfect, learned, or another detector; bins also: realistic or box; data sets also: a JSON file of BOP."""
     dataset: Annotated[Path | None, _unless_given("DIR", "simulated bins")] = None

@@ -166,8 +166,9 @@ def _parse(name: str, arguments: Sequence[str]) -> Command:
     # A command with `defaults` has options that set the defaults of others, such as the size of a network.
     defaults = getattr(command, "defaults", None)
     default = defaults(arguments) if defaults else tyro.MISSING_NONPROP
-    # One flag per switch, such as --record: no --no-record, because False is the default.
-    style = (tyro.conf.FlagCreatePairsOff,)
+    # One flag per switch, such as --record: no --no-record, because False is the default. Where defaults are set by
+    # options, a switch can be on by default, and has both flags.
+    style = () if defaults else (tyro.conf.FlagCreatePairsOff,)
     try:
         with contextlib.redirect_stdout(shown), contextlib.redirect_stderr(complaint):
             return tyro.cli(command, default=default, prog=f"simpick {name}", args=arguments, config=style)

@@ -27,7 +27,7 @@ class PoseBenchmark(Config):
     estimators: Annotated[tuple[str, ...], MinLen(1), tyro.conf.Positional, tyro.conf.arg(metavar="ESTIMATOR ...")] = (
         "oracle",
     )
-    """oracle, an estimator that ships, or one of another package; NAME@K asks for K hypotheses."""
+    """oracle, retrieval, coarse, fine, refined, retrieval_refined, or another package's; NAME@K: K hypotheses."""
     detections: Annotated[tuple[str, ...], MinLen(1), tyro.conf.arg(metavar="NAME ...")] = ("perfect", "realistic")
     """learned (found in the image), perfect, realistic or box (simulated), or detectors of another package."""
     bins: Annotated[PositiveInt | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: all 50)")] = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
@@ -12,6 +12,16 @@ import tyro
 
 from simpick.cli.training_options import TrainingOptions
 from simpick.errors import ConfigError
+from simpick.estimators.raypose.network.config import RayPoseConfig
+from simpick.training.data.augmentation import AugmentationConfig
+
+_SWITCHES = {
+    field.name
+    for config in (RayPoseConfig, AugmentationConfig)
+    for field in fields(config)
+    if isinstance(field.default, bool)
+}
+"""Options without a value: ``--network.flow``, ``--network.no-flow``."""
 
 
 @dataclass(frozen=True)
@@ -95,4 +105,5 @@ class Train(TrainingOptions):
 
 def _takes_value(argument: str) -> bool:
     """Return whether the next argument is this one's value: not after ``--name=value``, nor after a switch."""
-    return argument.startswith("--") and "=" not in argument and "no-" not in argument
+    name = argument.rpartition(".")[2].removeprefix("no-").replace("-", "_")
+    return argument.startswith("--") and "=" not in argument and name not in _SWITCHES

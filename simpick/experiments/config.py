@@ -58,7 +58,7 @@ class RunConfig(CellConfig):
     CONFIG_FILE: ClassVar = "config.json"
 
     estimator: str = ORACLE
-    """oracle (true poses), an estimator that ships, or one of another package."""
+    """oracle (true poses), retrieval, coarse, fine, refined, retrieval_refined, or an estimator of another package."""
     hypotheses: Annotated[
         PositiveInt | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: the estimator's own)")
     ] = None

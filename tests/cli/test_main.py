@@ -9,6 +9,7 @@ import pytest
 
 from simpick import __version__
 from simpick.cli.main import COMMANDS, main
+from simpick.estimators.registry import SHIPPED
 from tests.project.source_imports import source_files
 
 WIDTH = 80
@@ -46,6 +47,16 @@ def test_help_breaks_lines_only_where_they_are_full(command: str, capsys) -> Non
         if is_continued and is_text and len(line) + 1 + len(after.split()[0]) < WIDTH - 3:
             early.append((line, after))
     assert early == []
+
+
+@pytest.mark.parametrize("command", ["run", "pose-benchmark", "evaluate"])
+def test_help_names_the_estimators_that_ship(command: str, capsys) -> None:
+    words = set(re.findall(r"\w+", help_of(command, capsys)))
+    assert words >= SHIPPED.keys()
+
+
+def test_a_switch_that_is_on_by_default_shows_both_flags(capsys) -> None:
+    assert "--network.flow, --network.no-flow" in help_of("train", capsys)
 
 
 @pytest.mark.parametrize("former", ["--noise", "--scenes", "--perception", "--replace", "--estimators"])

@@ -55,6 +55,17 @@ def test_the_table_can_be_recomputed_from_the_recording(recorded: list[Path]) ->
     assert json.loads(json.dumps(again)) == without_timings
 
 
+def test_the_viewer_is_named_with_its_path_only_off_the_path(
+    recorded: list[Path], tmp_path: Path, monkeypatch, capsys
+) -> None:
+    (tmp_path / "rerun").touch()
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
+    for found, viewer in ((None, tmp_path / "rerun"), ("/bin/rerun", "rerun")):
+        monkeypatch.setattr(shutil, "which", lambda _, found=found: found)
+        assert main([*SMALL, "--record", "--out", str(recorded[0])]) == 0
+        assert f"open one with: {viewer} {recorded[0]}" in capsys.readouterr().out
+
+
 def test_true_poses_empty_a_small_bin(recorded: list[Path]) -> None:
     (result,) = read_results(recorded[0] / "results.jsonl")
     assert result.ended == "cleared" and result.delivered == 2

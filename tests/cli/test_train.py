@@ -64,7 +64,13 @@ def test_options_set_the_defaults_of_others(tmp_path: Path) -> None:
 
 
 def test_the_value_of_an_option_is_not_taken_for_the_mode() -> None:
-    for before in (["--minutes", "1"], ["--size=tiny"], ["--network.no-flow"], ["--training.augmentation.no-turn"]):
+    for before in (
+        ["--minutes", "1"],
+        ["--size=tiny"],
+        ["--network.no-flow"],
+        ["--network.flow"],
+        ["--training.augmentation.turn"],
+    ):
         assert Train.defaults([*before, "coarse"]).network.spread_deg == 180
     assert Train.defaults(["fine", "--out", "coarse"]).network.spread_deg == PRESETS["small"].spread_deg
 

@@ -1,4 +1,4 @@
-"""Names that users choose are escaped in the report."""
+"""The report escapes names that users choose, and claims no more than its bins permit."""
 
 from pathlib import Path
 
@@ -11,24 +11,30 @@ from tests.experiments.test_result_store import make_pick
 MARKUP = "<b>bold</b>"
 
 
-def report(folder: Path, mode: str, episodes: int) -> str:
-    """Return the report of a mode that was compared with the oracle."""
-    config = CompareConfig(modes=("oracle", mode), parts=(MARKUP,), episodes=2)
+def report(folder: Path, *modes: str, episodes: int) -> str:
+    """Return the report of modes that were compared with the oracle."""
+    config = CompareConfig(modes=("oracle", *modes), parts=(MARKUP,), episodes=2)
     store = ResultStore(folder, config.to_json(), config_file="compare.json")
     for episode in range(episodes):
         for name in config.modes:
             store.add(EpisodeResult(episode, episode, ("tee",), (make_pick(0),), "cleared", {}, name))
-    runs = {"oracle": RunConfig(), mode: RunConfig(estimator=mode)}
+    runs = {mode: RunConfig(estimator=mode) for mode in config.modes}
     return write_report(Comparison(config, runs, store)).read_text()
 
 
 def test_names_of_modes_and_parts_are_escaped(tmp_path: Path) -> None:
-    html = report(tmp_path, MARKUP, 2)
+    html = report(tmp_path, MARKUP, episodes=2)
     assert MARKUP not in html and html.count("&lt;b&gt;bold&lt;/b&gt;") > 5
     assert "With true poses (oracle) the same cell reaches" in html
     assert f"{MARKUP} " not in (tmp_path / "plots" / "success.svg").read_text()
 
 
 def test_a_comparison_without_a_whole_bin_reports_so(tmp_path: Path) -> None:
-    html = report(tmp_path, "retrieval", 0)
+    html = report(tmp_path, "retrieval", episodes=0)
     assert "No bin has been finished by every mode yet" in html and "Partial: 2 of 2 bins are left out" in html
+
+
+def test_one_bin_decides_no_difference(tmp_path: Path) -> None:
+    html = report(tmp_path, "retrieval", "fine", episodes=1)
+    assert "differs from that of fine cannot be decided: the interval has no width." in html
+    assert "1 paired bin of" in html and "1 bin is few:" in html and "includes zero" not in html

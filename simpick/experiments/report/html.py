@@ -93,7 +93,10 @@ def _answer(comparison: Comparison, statistics: PairedStatistics) -> dict[str, A
         "candidates": candidates,
         "best": best,
         "not_different": [
-            other for pair, interval in others for other in pair & set(image_based) if not interval.excludes_zero
+            (other, interval)
+            for pair, interval in others
+            for other in pair & set(image_based)
+            if not interval.excludes_zero
         ],
         "most_frequent_cause": max(causes, key=causes.__getitem__),
         "most_frequent_count": max(causes.values()),

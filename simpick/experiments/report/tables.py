@@ -66,7 +66,8 @@ def scores_table(config: RunConfig, results: Sequence[EpisodeResult]) -> Table:
 
 def modes_tables(statistics: PairedStatistics) -> list[Table]:
     """Return the figures: a row per mode, a column per measure."""
-    title = f"{len(statistics.bins)} paired bins, 95 % intervals"
+    bins = len(statistics.bins)
+    title = f"{bins} paired {'bin' if bins == 1 else 'bins'}, 95 % intervals"
     return _tables(title, "mode", [(mode, statistics.measures[mode]) for mode in statistics.modes], MEASURES)
 
 
