@@ -13,12 +13,13 @@ from simpick.errors import ConfigError
 from simpick.estimators.raypose.network.loss_weights import LossWeights
 from simpick.training.data.augmentation import AugmentationConfig
 from simpick.training.data.data_config import DataConfig
+from simpick.training.learning_rate import WarmupAndDecay
 
 _BelowOne = Annotated[float, Interval(ge=0, lt=1)]
 
 
 @dataclass(frozen=True)
-class TrainConfig(Config):
+class TrainConfig(WarmupAndDecay, Config):
     """How a network is trained."""
 
     seed: NonNegativeInt = 0
@@ -69,13 +70,6 @@ class TrainConfig(Config):
             raise ConfigError(f"parts must divide batch, got parts={self.parts}, batch={self.batch}")
         if self.window < self.parts:
             raise ConfigError(f"window must hold as many shards as parts={self.parts}, got {self.window}")
-
-    def learning_rate_at(self, step: int, progress: float) -> float:
-        """Return the learning rate of a step; `progress` is the finished share of the run, in [0, 1]."""
-        rate = self.learning_rate * min(1.0, (step + 1) / max(1, self.warmup_steps))
-        if self.decay_fraction and progress > 1 - self.decay_fraction:
-            rate *= 0.01 ** ((progress - 1 + self.decay_fraction) / self.decay_fraction)
-        return rate
 
 
 def read_train_config(path: Path) -> TrainConfig:

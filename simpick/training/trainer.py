@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import torch
 from torch import nn
-from torch.optim.swa_utils import AveragedModel
 
 from simpick.errors import ConfigError, SimpickError
 from simpick.estimators.raypose.checkpoints import load_checkpoint, save_checkpoint
@@ -31,6 +30,7 @@ from simpick.training.graceful_stop import GracefulStop
 from simpick.training.moving_average import moving_average
 from simpick.training.resources import Resources
 from simpick.training.run_folder import TrainingFolder
+from simpick.training.state import TrainingState
 from simpick.training.training_step import loss_terms, matching_terms
 from simpick.training.validation import Validation
 
@@ -85,39 +85,13 @@ def train(
     return run.weights
 
 
-@dataclass
-class _State:
-    """Everything that changes from step to step."""
-
-    model: RayPose
-    average: AveragedModel
-    optimizer: torch.optim.Optimizer
-    step: int = 0
-    seconds: float = 0.0
-
-    def save(self) -> dict[str, Any]:
-        return {
-            "model": self.model.state_dict(),
-            "average": self.average.state_dict(),
-            "optimizer": self.optimizer.state_dict(),
-            "step": self.step,
-            "seconds": self.seconds,
-        }
-
-    def load(self, saved: dict[str, Any]) -> None:
-        self.model.load_state_dict(saved["model"])
-        self.average.load_state_dict(saved["average"])
-        self.optimizer.load_state_dict(saved["optimizer"])
-        self.step, self.seconds = saved["step"], saved["seconds"]
-
-
 def _start(
     network: RayPoseConfig,
     config: TrainConfig,
     device: torch.device,
     start_from: Path | None,
     dino_weights: Path | None,
-) -> _State:
+) -> TrainingState[RayPose]:
     if network.is_dino != (dino_weights is not None):
         raise ConfigError(
             f"image encoder {network.image_encoder!r} is frozen: give a local file with its weights as dino_weights"
@@ -139,7 +113,7 @@ def _start(
     model = model.to(device).to(memory_format=torch.channels_last)  # pyright: ignore[reportCallIssue]
     trained = [p for p in model.parameters() if p.requires_grad]
     optimizer = torch.optim.AdamW(trained, lr=config.learning_rate, betas=(0.9, 0.98), weight_decay=config.weight_decay)
-    return _State(model.train(), moving_average(model, config.ema_decay), optimizer)
+    return TrainingState(model.train(), moving_average(model, config.ema_decay), optimizer)
 
 
 @dataclass
@@ -151,7 +125,7 @@ class _Trainer:
     resources: Resources
     processes: Distributed
     run_folder: TrainingFolder
-    state: _State
+    state: TrainingState[RayPose]
     on_row: Callable[[dict[str, Any], float], None]
     sums: dict[str, float] = field(default_factory=dict)
     """Sum of each term of the loss over the steps since the last row."""
@@ -250,8 +224,7 @@ class _Trainer:
         return self.resources.shards or self.run_folder.shards
 
     def _validate(self, validation: Validation) -> None:
-        average = self.state.average.module
-        assert isinstance(average, RayPose)
+        average = self.state.averaged_model
         figures = validation.measure(average, self.schedule)
         self._row("validation", figures)
         card = {"training": self.config.to_json(), "validation": figures}

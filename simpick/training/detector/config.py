@@ -21,6 +21,7 @@ from simpick.config import (
 from simpick.errors import ConfigError
 from simpick.estimators.detector.encoder import STAGES, STRIDE
 from simpick.training.detector.bin_data import BinDataConfig
+from simpick.training.learning_rate import WarmupAndDecay
 
 _BelowOne = Annotated[float, Interval(ge=0, lt=1)]
 
@@ -64,7 +65,7 @@ class LossWeights(Config):
 
 
 @dataclass(frozen=True)
-class DetectorTrainConfig(Config):
+class DetectorTrainConfig(WarmupAndDecay, Config):
     """How the detector is trained."""
 
     seed: NonNegativeInt = 0
@@ -99,13 +100,6 @@ class DetectorTrainConfig(Config):
     """How crops are changed."""
     data: BinDataConfig = field(default_factory=BinDataConfig)
     """What bins are drawn from."""
-
-    def learning_rate_at(self, step: int, progress: float) -> float:
-        """Return the learning rate of a step; `progress` is the share of the run that is done, in [0, 1]."""
-        rate = self.learning_rate * min(1.0, (step + 1) / max(1, self.warmup_steps))
-        if self.decay_fraction and progress > 1 - self.decay_fraction:
-            rate *= 0.01 ** ((progress - 1 + self.decay_fraction) / self.decay_fraction)
-        return rate
 
 
 def read_detector_train_config(path: Path) -> DetectorTrainConfig:

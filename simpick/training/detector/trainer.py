@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import copy
 import json
 import math
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +24,10 @@ from simpick.training.detector.config import DetectorTrainConfig
 from simpick.training.detector.losses import loss_terms, weighted_sum
 from simpick.training.detector.validation import DetectorValidation
 from simpick.training.graceful_stop import GracefulStop
+from simpick.training.moving_average import moving_average
 from simpick.training.resources import Resources
 from simpick.training.run_folder import TrainingFolder
+from simpick.training.state import TrainingState
 
 LOG_STEPS = 20
 """Every so many steps a row of the log reports the losses."""
@@ -68,44 +69,9 @@ def train_detector(
     return run.weights
 
 
-@dataclass
-class _State:
-    """All that changes from step to step."""
-
-    model: InstanceNetwork
-    average: InstanceNetwork
-    optimizer: torch.optim.Optimizer
-    step: int = 0
-    seconds: float = 0.0
-
-    def save(self) -> dict[str, Any]:
-        return {
-            "model": self.model.state_dict(),
-            "average": self.average.state_dict(),
-            "optimizer": self.optimizer.state_dict(),
-            "step": self.step,
-            "seconds": self.seconds,
-        }
-
-    def load(self, saved: dict[str, Any]) -> None:
-        self.model.load_state_dict(saved["model"])
-        self.average.load_state_dict(saved["average"])
-        self.optimizer.load_state_dict(saved["optimizer"])
-        self.step, self.seconds = saved["step"], saved["seconds"]
-
-    def update_average(self, decay: float) -> None:
-        # Early averages forget faster, or they would keep random weights for long.
-        decay = min(decay, (1 + self.step) / (10 + self.step))
-        with torch.no_grad():
-            old, new = self.average.state_dict(), self.model.state_dict()
-            for name, value in new.items():
-                if value.is_floating_point():
-                    old[name].lerp_(value, 1 - decay)
-
-
 def _start(
     config: DetectorTrainConfig, device: torch.device, imagenet_weights: Path | None, start_from: Path | None
-) -> _State:
+) -> TrainingState[InstanceNetwork]:
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed)
         model = InstanceNetwork()
@@ -121,7 +87,7 @@ def _start(
     others = [p for name, p in model.named_parameters() if not name.startswith("encoder.")]
     groups = [{"params": encoder, "factor": config.encoder_rate}, {"params": others, "factor": 1.0}]
     optimizer = torch.optim.AdamW(groups, lr=config.learning_rate, weight_decay=config.weight_decay)
-    return _State(model.train(), copy.deepcopy(model).eval(), optimizer)
+    return TrainingState(model.train(), moving_average(model, config.ema_decay), optimizer)
 
 
 class _Trainer:
@@ -132,7 +98,7 @@ class _Trainer:
         resources: Resources,
         device: torch.device,
         run: TrainingFolder,
-        state: _State,
+        state: TrainingState[InstanceNetwork],
         on_row: Callable[[dict[str, Any], float], None],
     ) -> None:
         self.config, self.budget, self.resources, self.device = config, budget, resources, device
@@ -195,7 +161,7 @@ class _Trainer:
             )
         state.optimizer.step()
         state.step += 1
-        state.update_average(config.ema_decay)
+        state.average.update_parameters(state.model)
         for name, value in {**terms, "loss": loss}.items():
             self.sums[name] = self.sums.get(name, 0.0) + float(value.detach())
         self.counted += 1
@@ -209,11 +175,11 @@ class _Trainer:
     def _validate(self, validation: DetectorValidation) -> None:
         # The state first: a decoder that fails must not cost what was learned.
         self.run_folder.save_state(self.state.save())
-        figures, score = validation.measure(self.state.average)
+        figures, score = validation.measure(self.state.averaged_model)
         self._row("validation", figures)
         card = {"training": json.loads(json.dumps(asdict(self.config))), "validation": figures}
         card |= {"steps": self.state.step, "hours": self.state.seconds / 3600}
-        save_detector_checkpoint(self.run_folder.weights, self.state.average, score, card)
+        save_detector_checkpoint(self.run_folder.weights, self.state.averaged_model, score, card)
 
     def _row(self, split: str, figures: dict[str, float]) -> None:
         row = {"step": self.state.step, "seconds": round(self.state.seconds, 1), "split": split, **figures}
