@@ -27,6 +27,7 @@ SLOW = (
     "envs/test_bin_pick_vector.py",
     "envs/test_bin_servo.py",
     "estimators/raypose/test_estimator.py",
+    "estimators/refiner/test_refine",
     "examples/",
     "experiments/test_closer_look_refines.py",
     "grasping/test_sampling.py",
@@ -40,6 +41,7 @@ SLOW = (
     "scene/test_settling.py",
     "test_workers.py",
     "training/data/test_shard",
+    "training/detector/",
     "training/test_distributed.py",
     "training/test_trainer.py",
 )
