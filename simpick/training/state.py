@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar, cast
 
 import torch
-from torch import nn
+from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel
+
+from simpick.errors import SimpickError
 
 Network = TypeVar("Network", bound=nn.Module)
 
@@ -26,6 +30,28 @@ class TrainingState(Generic[Network]):
     def averaged_model(self) -> Network:
         """Return the network with the average weights."""
         return cast(Network, self.average.module)
+
+    def descend(
+        self, loss: Tensor, max_grad_norm: float, average_gradients: Callable[[nn.Module], None] | None = None
+    ) -> None:
+        """Take one step down the gradient of `loss`, clipped, and average the weights.
+
+        Raises:
+            SimpickError: the loss or its gradient is no longer a number; the weights are those of the step before.
+        """
+        self.optimizer.zero_grad(set_to_none=True)
+        loss.backward()
+        if average_gradients is not None:
+            average_gradients(self.model)
+        norm = float(nn.utils.clip_grad_norm_(self.model.parameters(), max_grad_norm))
+        if not math.isfinite(norm):
+            raise SimpickError(
+                f"the loss is no longer a number at step {self.step}; the state that was saved last is kept. "
+                "Start again with a lower learning_rate"
+            )
+        self.optimizer.step()
+        self.step += 1
+        self.average.update_parameters(self.model)
 
     def save(self) -> dict[str, Any]:
         """Return what `load` takes."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -12,9 +11,8 @@ from typing import Any
 
 import numpy as np
 import torch
-from torch import nn
 
-from simpick.errors import ConfigError, SimpickError
+from simpick.errors import ConfigError
 from simpick.estimators.raypose.checkpoints import load_checkpoint, save_checkpoint
 from simpick.estimators.raypose.diffusion.schedule import Schedule, make_schedule
 from simpick.estimators.raypose.network.config import RayPoseConfig
@@ -191,18 +189,7 @@ class _Trainer:
             else:
                 terms = loss_terms(state.model, batch.to(device), self.schedule, generator)
         loss = weighted_sum(terms, config.losses)
-        state.optimizer.zero_grad(set_to_none=True)
-        loss.backward()
-        self.processes.average_gradients(state.model)
-        norm = float(nn.utils.clip_grad_norm_(state.model.parameters(), config.max_grad_norm))
-        if not math.isfinite(norm):
-            raise SimpickError(
-                f"the loss is no longer a number at step {state.step}; the state that was saved last is kept. "
-                "Start again with a lower learning_rate"
-            )
-        state.optimizer.step()
-        state.step += 1
-        state.average.update_parameters(state.model)
+        state.descend(loss, config.max_grad_norm, self.processes.average_gradients)
         for name, value in {**terms, "loss": loss}.items():
             self.sums[name] = self.sums.get(name, 0.0) + float(value.detach())
         self.counted += 1

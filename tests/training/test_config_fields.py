@@ -9,6 +9,7 @@ import pytest
 
 import simpick
 import simpick.estimators
+from simpick.estimators.detector import LearnedDetectorConfig
 from simpick.estimators.raypose.estimator import RayPoseEstimatorConfig
 from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.network.loss_weights import LossWeights
@@ -16,12 +17,18 @@ from simpick.estimators.refiner.config import AlignmentLevel, RefinerConfig
 from simpick.training.config import TrainConfig
 from simpick.training.data.augmentation import AugmentationConfig
 from simpick.training.data.data_config import DataConfig
+from simpick.training.detector.bin_data import BinDataConfig
+from simpick.training.detector.config import CropConfig, DetectorTrainConfig
 from simpick.training.resources import Resources
 
 CONFIGS = (
     AlignmentLevel,
     AugmentationConfig,
+    BinDataConfig,
+    CropConfig,
     DataConfig,
+    DetectorTrainConfig,
+    LearnedDetectorConfig,
     Resources,
     RayPoseConfig,
     RayPoseEstimatorConfig,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections.abc import Callable
 from dataclasses import asdict
@@ -11,9 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from torch import nn
 
-from simpick.errors import SimpickError
 from simpick.estimators.detector.checkpoints import load_detector_checkpoint, save_detector_checkpoint
 from simpick.estimators.detector.encoder import load_imagenet_weights
 from simpick.estimators.detector.network import InstanceNetwork
@@ -151,17 +148,7 @@ class _Trainer:
             maps = state.model(batch.rgb.float().contiguous(memory_format=torch.channels_last))
         terms = loss_terms(maps, batch)
         loss = weighted_sum(terms, config.losses)
-        state.optimizer.zero_grad(set_to_none=True)
-        loss.backward()
-        norm = float(nn.utils.clip_grad_norm_(state.model.parameters(), config.max_grad_norm))
-        if not math.isfinite(norm):
-            raise SimpickError(
-                f"the loss is not finite at step {state.step}; the last saved state is kept. "
-                "Start again with a lower learning_rate"
-            )
-        state.optimizer.step()
-        state.step += 1
-        state.average.update_parameters(state.model)
+        state.descend(loss, config.max_grad_norm)
         for name, value in {**terms, "loss": loss}.items():
             self.sums[name] = self.sums.get(name, 0.0) + float(value.detach())
         self.counted += 1
