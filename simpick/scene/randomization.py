@@ -88,6 +88,24 @@ RANDOMIZATIONS: dict[str, Randomization] = {
         camera_shift_m=0.03,
         camera_turn_deg=3.0,
     ),
+    # One lamp that casts hard shadows, alone or nearly, from any side or from above.
+    "photo": Randomization(
+        lights=(1, 2),
+        light_spread_m=1.0,
+        light_intensity=(0.9, 1.7),
+        light_tint=0.2,
+        ambient=(0.08, 0.30),
+        part_hue=0.5,
+        part_value=0.4,
+        part_gloss=0.6,
+        patterns=("mottled", "brushed", "checkered"),
+        texture_contrast=(0.05, 0.4),
+        table_rgb=_GREYS_AND_WOODS,
+        bin_rgb=_BIN_COLOURS,
+        colour_jitter=0.15,
+        camera_shift_m=0.03,
+        camera_turn_deg=3.0,
+    ),
 }
 """Presets by name."""
 

@@ -14,6 +14,7 @@ from simpick.estimators.raypose.estimator import RayPoseEstimatorConfig
 from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.network.loss_weights import LossWeights
 from simpick.estimators.refiner.config import AlignmentLevel, RefinerConfig
+from simpick.rendering.camera_effects import CameraEffects
 from simpick.training.config import TrainConfig
 from simpick.training.data.augmentation import AugmentationConfig
 from simpick.training.data.data_config import DataConfig
@@ -25,6 +26,7 @@ CONFIGS = (
     AlignmentLevel,
     AugmentationConfig,
     BinDataConfig,
+    CameraEffects,
     CropConfig,
     DataConfig,
     DetectorTrainConfig,

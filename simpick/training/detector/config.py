@@ -20,6 +20,7 @@ from simpick.config import (
 )
 from simpick.errors import ConfigError
 from simpick.estimators.detector.encoder import STAGES, STRIDE
+from simpick.rendering.camera_effects import CameraEffects
 from simpick.training.detector.bin_data import BinDataConfig
 from simpick.training.learning_rate import WarmupAndDecay
 
@@ -34,18 +35,8 @@ class CropConfig(Config):
     """Side of a crop; a multiple of 32."""
     scale: tuple[PositiveFloat, PositiveFloat] = (0.7, 1.35)
     """Smallest and largest magnification."""
-    brightness: _BelowOne = 0.3
-    """Largest relative change of brightness and of contrast."""
-    colour: _BelowOne = 0.12
-    """Largest relative change of the red, green and blue gains."""
-    blur_px: Annotated[float, Interval(ge=0.3, le=10)] = 1.5
-    """Largest standard deviation of the blur, which a third of the crops have."""
-    noise: NonNegativeFloat = 8.0
-    """Largest standard deviation of the noise in grey levels, which half of the crops have."""
-    jpeg_share: Fraction = 0.3
-    """Share of crops that are compressed as JPEG."""
-    grey_share: Fraction = 0.1
-    """Share of crops without colour."""
+    effects: CameraEffects = field(default_factory=CameraEffects)
+    """What the camera does to the image."""
 
     def _check_rules(self) -> None:
         if self.size_px % STRIDE:

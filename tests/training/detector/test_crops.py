@@ -6,6 +6,7 @@ import torch
 
 from simpick.estimators.detector.affinities import OFFSETS
 from simpick.estimators.detector.network import CellMaps
+from simpick.rendering.camera_effects import CameraEffects
 from simpick.training.detector.batches import collate
 from simpick.training.detector.bin_data import BinImage
 from simpick.training.detector.config import CropConfig, LossWeights
@@ -13,7 +14,9 @@ from simpick.training.detector.crops import draw_crop
 from simpick.training.detector.losses import loss_terms, weighted_sum
 from tests.estimators.detector.ideal_maps import ideal_maps
 
-PLAIN = CropConfig(size_px=128, brightness=0.0, colour=0.0, noise=0.0, jpeg_share=0.0, grey_share=0.0)
+PLAIN = CropConfig(
+    size_px=128, effects=CameraEffects(brightness=0.0, colour=0.0, noise=0.0, jpeg_share=0.0, grey_share=0.0)
+)
 
 
 @pytest.fixture
