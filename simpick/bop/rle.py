@@ -19,6 +19,9 @@ from jaxtyping import Bool
 
 from simpick.errors import DatasetError
 
+_MOST_BITS = 60
+"""A count of more is none of pixels; without a limit, damaged text would build numbers without end."""
+
 
 def encode_rle(mask: Bool[np.ndarray, "height width"]) -> dict[str, Any]:
     """Return the plain form: ``{"size": [height, width], "counts": [...]}``."""
@@ -41,21 +44,24 @@ def decode_rle(rle: Any, height: int, width: int, where: str) -> Bool[np.ndarray
     """
     if not isinstance(rle, dict) or "size" not in rle or "counts" not in rle:
         raise DatasetError(f"{where}: a segmentation must be RLE with 'size' and 'counts', got {str(rle)[:60]}.")
-    if list(rle["size"]) != [height, width]:
+    size = rle["size"]
+    if not isinstance(size, list) or size != [height, width]:
         raise DatasetError(
-            f"{where}: the RLE's size is {list(rle['size'])}, but the image's is [{height}, {width}] (height, width); "
+            f"{where}: the RLE's size is {size!r:.60}, but the image's is [{height}, {width}] (height, width); "
             "the detections belong to other images, or were made at another scale."
         )
     counts = rle["counts"]
     if isinstance(counts, str):
         counts = decompress_counts(counts, where)
-    runs = np.asarray(counts, np.int64)
-    if (runs < 0).any() or runs.sum() != height * width:
+    if not isinstance(counts, list) or any(type(count) is not int for count in counts):
+        raise DatasetError(f"{where}: the RLE's counts must be whole numbers or their text, got {counts!r:.60}.")
+    # Summed as Python integers: in 64 bits, counts can wrap around to the right sum, and np.repeat trusts them.
+    if min(counts, default=0) < 0 or sum(counts) != height * width:
         raise DatasetError(
-            f"{where}: the RLE's counts must add up to {height} x {width} = {height * width} pixels, and add up to "
-            f"{int(runs.sum())}; the file is damaged."
+            f"{where}: the RLE's counts must be 0 or more and add up to {height} x {width} = {height * width} pixels, "
+            f"got a smallest of {min(counts, default=0)} and a sum of {sum(counts)}; the file is damaged."
         )
-    return np.repeat(np.arange(len(runs)) % 2 == 1, runs).reshape((height, width), order="F")
+    return np.repeat(np.arange(len(counts)) % 2 == 1, counts).reshape((height, width), order="F")
 
 
 def compress_counts(counts: list[int]) -> str:
@@ -82,6 +88,8 @@ def decompress_counts(text: str, where: str) -> list[int]:
             raise DatasetError(f"{where}: {character!r} cannot occur in a compressed RLE; the file is damaged.")
         value |= (group & 0x1F) << shift
         shift += 5
+        if shift > _MOST_BITS:
+            raise DatasetError(f"{where}: the compressed RLE holds a count beyond any image; the file is damaged.")
         if not group & 0x20:
             if group & 0x10:
                 value -= 1 << shift

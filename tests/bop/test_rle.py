@@ -1,6 +1,9 @@
 import numpy as np
 import pycocotools.mask
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
 
 from simpick.bop.rle import compress_counts, decode_rle, decompress_counts, encode_compressed_rle, encode_rle
 from simpick.errors import DatasetError
@@ -61,8 +64,16 @@ def test_a_mask_of_another_size_is_refused():
 @pytest.mark.parametrize(
     ("rle", "text"),
     [
-        ({"size": [2, 3], "counts": [1, 3]}, r"add up to 2 x 3 = 6 pixels, and add up to 4; the file is damaged"),
-        ({"size": [2, 3], "counts": [9, -3]}, r"add up to 2 x 3 = 6 pixels"),
+        ({"size": [2, 3], "counts": [1, 3]}, r"add up to 2 x 3 = 6 pixels, got a smallest of 1 and a sum of 4; the file is damaged"),
+        ({"size": [2, 3], "counts": [9, -3]}, r"got a smallest of -3 and a sum of 6"),
+        # In 64 bits these add up to 6, and np.repeat writes beyond its array.
+        ({"size": [2, 3], "counts": [2**62, 2**62, 2**62, 2**62 + 6]}, r"and a sum of 18446744073709551622;"),
+        ({"size": [2, 3], "counts": [2**70, 6 - 2**70]}, r"a smallest of -1180591620717411303418"),
+        ({"size": [2, 3], "counts": [1.0, 5.0]}, r"counts must be whole numbers or their text, got \[1.0, 5.0\]"),
+        ({"size": [2, 3], "counts": [True, 5]}, r"counts must be whole numbers or their text, got \[True, 5\]"),
+        ({"size": [2, 3], "counts": None}, r"counts must be whole numbers or their text, got None"),
+        ({"size": None, "counts": [6]}, r"the RLE's size is None, but the image's is \[2, 3\]"),
+        ({"size": [2, 3], "counts": "o" * 99}, r"a count beyond any image; the file is damaged"),
         ({"size": [2, 3], "counts": "13 "}, r"' ' cannot occur in a compressed RLE"),
         ({"size": [2, 3], "counts": "13T"}, r"ends within a number; the file is truncated"),
         ([[1, 2, 3, 4]], r"a segmentation must be RLE with 'size' and 'counts', got \[\[1, 2, 3, 4\]\]"),
@@ -71,3 +82,23 @@ def test_a_mask_of_another_size_is_refused():
 def test_broken_encodings_are_refused(rle, text):
     with pytest.raises(DatasetError, match=text):
         decode_rle(rle, 2, 3, "here")
+
+
+@given(arrays(bool, array_shapes(min_dims=2, max_dims=2, min_side=0, max_side=12)))
+def test_every_mask_survives_both_forms(mask):
+    for encode in (encode_rle, encode_compressed_rle):
+        np.testing.assert_array_equal(decode_rle(encode(mask), *mask.shape, "here"), mask)
+
+
+COUNT = st.one_of(st.integers(0, 8), st.integers(-(2**65), 2**65), st.floats(), st.none(), st.booleans())
+ENTRIES = st.one_of(st.lists(COUNT, max_size=6), st.text(max_size=30), st.text(st.characters(max_codepoint=127)))
+
+
+@given(ENTRIES, st.one_of(st.just([2, 3]), st.lists(st.integers(), max_size=3), st.none()))
+def test_any_encoding_gives_a_mask_of_the_image_s_size_or_an_error_that_names_the_entry(counts, size):
+    try:
+        mask = decode_rle({"size": size, "counts": counts}, 2, 3, "f.json, entry 3")
+    except DatasetError as error:
+        assert str(error).startswith("f.json, entry 3: ")
+    else:
+        assert mask.shape == (2, 3) and mask.dtype == bool
