@@ -6,6 +6,7 @@
 ``box``        perfect boxes without masks
 ``learned``    found in the image by the shipped network, which has never seen the parts
 NAME           a detector of another package
+FILE.json      in BOP's format, for images that exist already: a BOP data set or the pose benchmark's bins
 =============  ========================================================================================================
 """
 
@@ -18,10 +19,11 @@ from pathlib import Path
 
 import numpy as np
 
-from simpick.errors import UnknownNameError
+from simpick.bop.detections_json import read_detections
+from simpick.errors import ConfigError, UnknownNameError
 from simpick.estimators.base import Detector
 from simpick.estimators.detection_noise import DETECTION_PRESETS
-from simpick.estimators.plugins import Plugin, entries_of, load_entry
+from simpick.estimators.plugins import Plugin, entries_of, file_hash, load_entry
 from simpick.estimators.segmentation_detector import SegmentationDetector
 
 ENTRY_POINT_GROUP = "simpick.detectors"
@@ -62,6 +64,11 @@ def is_simulated(name: str) -> bool:
     return name in DETECTION_PRESETS
 
 
+def is_file(name: str) -> bool:
+    """Return whether these detections are read from a file."""
+    return name.endswith((".json", ".json.gz"))
+
+
 def find_detector(name: str) -> DetectorSpec:
     """Return the row of a detector that works from images alone.
 
@@ -78,12 +85,16 @@ def find_detector(name: str) -> DetectorSpec:
 
 
 def detector_data(name: str) -> dict[str, str]:
-    """Return what these detections depend on beside their name: hashes of weights, or another package's version.
+    """Return what these detections depend on beside their name: hashes of files, or another package's version.
 
     Raises:
         UnknownNameError: there are no such detections.
         CheckpointError: weights are needed, and this installation has none.
+        DatasetError: it is a file that is missing or is not of BOP's format.
     """
+    if is_file(name):
+        read_detections(Path(name))
+        return {Path(name).name: file_hash(Path(name))}
     return {} if is_simulated(name) else find_detector(name).data()
 
 
@@ -95,7 +106,14 @@ def make_detector(
     Raises:
         UnknownNameError: there are no such detections.
         CheckpointError: weights are needed, and this installation has none.
+        ConfigError: it is a file, which holds detections of given images only.
     """
+    if is_file(name):
+        raise ConfigError(
+            f"detections must be a detector's name here, got the file {name!r}: it holds detections of images that "
+            "exist already, and a robot changes the bin with each pick. Take learned, or register your detector "
+            f"({ENTRY_POINT_GROUP!r}); a file is for simpick evaluate --dataset and simpick pose-benchmark"
+        )
     if is_simulated(name):
         return SegmentationDetector(name, rng, instance_parts=instance_parts)
     return _shared(name) if name in SHIPPED else find_detector(name).make()

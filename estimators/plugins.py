@@ -30,7 +30,12 @@ class Plugin:
         if self.entry is not None:
             return {f"package {self.entry.dist.name}": self.entry.dist.version} if self.entry.dist else {}
         found = [file for file in (locate() for locate in self.files) if file.is_file()]
-        return {file.name: hashlib.sha256(file.read_bytes()).hexdigest()[:16] for file in found}
+        return {file.name: file_hash(file) for file in found}
+
+
+def file_hash(file: Path) -> str:
+    """Return a hash of a file's content."""
+    return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
 
 
 def entries_of(group: str) -> dict[str, EntryPoint]:

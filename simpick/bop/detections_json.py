@@ -64,6 +64,14 @@ def read_detections(path: Path) -> list[BopDetection]:
     return [_parse(entry, f"{path}, entry {k}") for k, entry in enumerate(entries)]
 
 
+def by_image(detections: Iterable[BopDetection]) -> dict[tuple[int, int], list[BopDetection]]:
+    """Return detections by scene and image, in their order."""
+    found: dict[tuple[int, int], list[BopDetection]] = {}
+    for detection in detections:
+        found.setdefault((detection.scene_id, detection.im_id), []).append(detection)
+    return found
+
+
 def write_detections(
     path: Path,
     images: Iterable[tuple[int, int, float, Iterable[Detection]]],

@@ -38,7 +38,7 @@ class Evaluate(Config):
     estimator: str = "oracle"
     """oracle, retrieval, coarse, fine, refined, retrieval_refined, or another package's; NAME@K: K hypotheses."""
     detections: str = "perfect"
-    """perfect, learned, or another detector; bins also: realistic or box; data sets also: a JSON file of BOP."""
+    """perfect, learned, another detector, or FILE.json in BOP's format; bins also: realistic or box."""
     dataset: Annotated[Path | None, _unless_given("DIR", "simulated bins")] = None
     """Folder of a BOP data set."""
     split: Annotated[str | None, _unless_given("NAME", "test, or the only one")] = None
@@ -99,7 +99,7 @@ class Evaluate(Config):
 
     def _run_dataset(self, root: Path) -> int:
         from simpick.bop import BopDataset, BopResult, read_detections, read_results, write_results
-        from simpick.estimators.detections import find_detector
+        from simpick.estimators.detections import find_detector, is_file
         from simpick.pose_eval import bop_evaluation
         from simpick.pose_eval.pose_evaluation import PoseEvaluator, score_images
         from simpick.pose_eval.pose_sources import FileSource, make_source
@@ -115,7 +115,7 @@ class Evaluate(Config):
         targets = [t for t in targets if (t.scene_id, t.im_id) in chosen]
         if self.detections == "perfect":
             detections = None
-        elif Path(self.detections).suffix == ".json":
+        elif is_file(self.detections):
             detections = read_detections(Path(self.detections))
         else:
             detections = find_detector(self.detections).make()
@@ -150,7 +150,9 @@ class Evaluate(Config):
     def _run_bins(self) -> int:
         from simpick.assets import get_part, library_part_names
         from simpick.bop import BopWriter, write_detections
+        from simpick.estimators.detections import is_file
         from simpick.pose_eval.bin_images import bin_images, export_bin
+        from simpick.pose_eval.file_detections import check_covers, detections_of_bin
         from simpick.pose_eval.pose_evaluation import PoseEvaluator, score_images
         from simpick.pose_eval.pose_images import PoseModel
         from simpick.pose_eval.pose_sources import make_source
@@ -163,6 +165,11 @@ class Evaluate(Config):
         parts = {part.name: part for part in map(get_part, names)}
         # Before any bin is simulated, so that a wrong name costs no time.
         source = make_source(self.estimator, parts.__getitem__)
+        seeds = range(self.seed, self.seed + self.bins)
+        detections = self.detections
+        if is_file(self.detections):
+            check_covers(Path(self.detections), seeds)
+            detections = partial(detections_of_bin, Path(self.detections), part_names=tuple(parts))
         console = Console()
         with ExitStack() as stack:
             writer = None
@@ -170,12 +177,11 @@ class Evaluate(Config):
                 writer = stack.enter_context(BopWriter(self.export, list(parts.values())))
 
             found = []
-            seeds = range(self.seed, self.seed + self.bins)
             if writer is not None:
                 writer.check_new(seeds)
 
             def images() -> Iterator[PoseImage]:
-                for bin_image in bin_images(config, seeds, self.detections):
+                for bin_image in bin_images(config, seeds, detections):
                     if writer is not None:
                         im_id = export_bin(writer, bin_image)
                         found.append((bin_image.image.scene_id, im_id, -1.0, bin_image.image.detections))
@@ -185,7 +191,7 @@ class Evaluate(Config):
             evaluation = score_images(images(), source, evaluator, total=self.bins, console=console)
         self._print(console, evaluation, f"{self.estimator} on {self.bins} bins, {self.detections} detections")
         if writer is not None and self.export is not None:
-            name = f"detections_{self.detections}_{seeds[0]}-{seeds[-1]}.json"
+            name = f"detections_{Path(self.detections).name.split('.')[0]}_{seeds[0]}-{seeds[-1]}.json"
             write_detections(self.export / name, found, writer.obj_ids.__getitem__)
             console.print_line(f"data set: {self.export}")
         return 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 from annotated_types import MinLen
@@ -29,7 +29,9 @@ class PoseBenchmark(Config):
     )
     """oracle, retrieval, coarse, fine, refined, retrieval_refined, or another package's; NAME@K: K hypotheses."""
     detections: Annotated[tuple[str, ...], MinLen(1), tyro.conf.arg(metavar="NAME ...")] = ("perfect", "realistic")
-    """learned (found in the image), perfect, realistic or box (simulated), or detectors of another package."""
+    """learned (found in the image), perfect, realistic or box (simulated), another detector, or FILE.json of BOP."""
+    look: Literal["default", "photo"] = "default"
+    """photo: the same bins lit from one side, with blur, noise, JPEG and other colours, like photographs."""
     bins: Annotated[PositiveInt | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: all 50)")] = None
     """How many bins to use, from the first; only all 50 give the benchmark's figures."""
     hypotheses: Annotated[PositiveInt | None, tyro.conf.arg(metavar="INT", help_behavior_hint=_ESTIMATORS_OWN)] = None
@@ -40,6 +42,10 @@ class PoseBenchmark(Config):
     """coarse and fine: denoising steps per answer."""
     workers: PositiveInt = 1
     """Bins to process at the same time, each in its own process; estimates take longer then."""
+    export: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(default: poses are scored)")] = (
+        None
+    )
+    """Only write the bins to this folder as a BOP data set, for a detector that writes a FILE.json."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="PATH", help_behavior_hint="(default: no file is written)")] = (
         None
     )
@@ -52,7 +58,7 @@ class PoseBenchmark(Config):
         import time
 
         from simpick.assets.library import get_part
-        from simpick.estimators.detections import detector_data
+        from simpick.estimators.detections import detector_data, is_file
         from simpick.estimators.registry import PoseBudget
         from simpick.pose_eval.benchmark_bins import benchmark_bins
         from simpick.pose_eval.benchmark_gains import gains, gains_table
@@ -63,18 +69,25 @@ class PoseBenchmark(Config):
             onboarding_line,
             visibility_tables,
         )
-        from simpick.pose_eval.benchmark_runs import make_views, run_pose_benchmark
+        from simpick.pose_eval.benchmark_runs import export_bins, make_views, run_pose_benchmark
+        from simpick.pose_eval.file_detections import check_covers
         from simpick.pose_eval.pose_sources import make_source
         from simpick.terminal import Console
 
-        bins = benchmark_bins(self.bins)
+        bins = benchmark_bins(self.bins, self.look)
+        if self.export is not None:
+            export_bins(bins, self.export, Console())
+            return 0
         budget = PoseBudget(self.iterations, self.steps)
         # Before any bin is made or file is written, so that a wrong name costs nothing.
         for estimator in self.estimators:
             make_source(estimator, get_part, self.hypotheses, budget)
         for name in self.detections:
             detector_data(name)
+            if is_file(name):
+                check_covers(Path(name), [bin.seed for bin in bins])
         settings = {
+            "look": self.look,
             "workers": self.workers,
             "hypotheses_asked_for": self.hypotheses,
             "iterations_asked_for": self.iterations,
@@ -92,6 +105,7 @@ class PoseBenchmark(Config):
                 estimator,
                 detections=self.detections,
                 bins=self.bins,
+                look=self.look,
                 hypotheses=self.hypotheses,
                 budget=budget,
                 workers=self.workers,

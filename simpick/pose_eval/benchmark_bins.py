@@ -21,6 +21,8 @@ from simpick.geometry import Pinhole
 from simpick.pose_eval.bin_images import BinView, view_bin
 from simpick.pose_eval.pose_images import PoseTruth
 from simpick.records import CameraFrame
+from simpick.rendering import Visibility
+from simpick.rendering.camera_effects import PHOTO_EFFECTS
 from simpick.scene import SceneConfig
 from simpick.scene.randomization import RANDOMIZATIONS
 
@@ -32,6 +34,8 @@ HOMOGENEOUS_SEEDS = range(42_000, 42_020)
 """Bins of one kind of part each, in the order of `HOMOGENEOUS_PARTS`."""
 HOMOGENEOUS_COUNTS = (40, 12)
 """Numbers of parts, in turn."""
+Look = Literal["default", "photo"]
+"""The simulator's plain images, or the same bins in the look of a photograph."""
 HOMOGENEOUS_PARTS = (
     "pipe_tee",
     "hex_bolt",
@@ -72,21 +76,24 @@ MIXED_PARTS = tuple(
 
 # Increase if a change of code alters scenes or images of the same bins, which the cache key cannot show.
 _VERSION = 1
+# The same for images in the look of a photograph.
+_PHOTO_VERSION = 1
 _ARRAYS = ("rgb", "depth_m", "instances", "camera", "T_world_camera", "names", "truths", "Ts_truth", "fractions")
 
 
 @dataclass(frozen=True)
 class BenchmarkBin:
-    """One of the fixed bins."""
+    """One of the fixed bins, in one of its looks."""
 
     kind: Literal["mixed", "homogeneous"]
     seed: int
     config: SceneConfig
     """Without the arm: at its home pose it is outside the overhead camera's image."""
+    look: Look = "default"
 
 
-def benchmark_bins(count: int | None = None) -> tuple[BenchmarkBin, ...]:
-    """Return the first `count` bins of the pose benchmark, or all.
+def benchmark_bins(count: int | None = None, look: Look = "default") -> tuple[BenchmarkBin, ...]:
+    """Return the first `count` bins of the pose benchmark, or all, in one of their looks.
 
     Each group of five holds three mixed bins and every number of parts, so that the first bins represent all.
 
@@ -94,11 +101,11 @@ def benchmark_bins(count: int | None = None) -> tuple[BenchmarkBin, ...]:
         ConfigError: there are not so many bins.
     """
     mixed = [
-        BenchmarkBin("mixed", seed, _config(MIXED_PARTS, MIXED_COUNTS[k % len(MIXED_COUNTS)]))
+        BenchmarkBin("mixed", seed, _config(MIXED_PARTS, MIXED_COUNTS[k % len(MIXED_COUNTS)]), look)
         for k, seed in enumerate(MIXED_SEEDS)
     ]
     homogeneous = [
-        BenchmarkBin("homogeneous", seed, _config((part,), HOMOGENEOUS_COUNTS[k % len(HOMOGENEOUS_COUNTS)]))
+        BenchmarkBin("homogeneous", seed, _config((part,), HOMOGENEOUS_COUNTS[k % len(HOMOGENEOUS_COUNTS)]), look)
         for k, (seed, part) in enumerate(zip(HOMOGENEOUS_SEEDS, HOMOGENEOUS_PARTS, strict=True))
     ]
     bins = [bin for k in range(10) for bin in (*mixed[3 * k : 3 * k + 3], *homogeneous[2 * k : 2 * k + 2])]
@@ -112,12 +119,17 @@ def load_view(bin: BenchmarkBin) -> BinView:
 
     Several processes may call this at once; a damaged file is replaced.
     """
-    arrays = cached_arrays(view_path(bin), _ARRAYS, lambda: _arrays(view_bin(bin.config, bin.seed)[0]))
-    return _view(bin.seed, arrays)
+    return _view(bin.seed, cached_arrays(view_path(bin), _ARRAYS, lambda: _arrays(fresh_view(bin)[0])))
+
+
+def fresh_view(bin: BenchmarkBin) -> tuple[BinView, tuple[Visibility, ...]]:
+    """Simulate and render a bin; return the overhead camera's view, and the visibility of each of its truths."""
+    return view_bin(bin.config, bin.seed, photo=bin.look == "photo")
 
 
 def view_path(bin: BenchmarkBin) -> Path:
     """Return the cache file of a bin's view; its name is a hash of everything that the view depends on."""
+    photo = (_PHOTO_VERSION, repr(RANDOMIZATIONS["photo"]), repr(PHOTO_EFFECTS)) if bin.look == "photo" else ()
     key = cache_key(
         _VERSION,
         bin.seed,
@@ -125,6 +137,7 @@ def view_path(bin: BenchmarkBin) -> Path:
         repr(RANDOMIZATIONS[bin.config.randomization]),
         *(f"{name} {get_part(name).content_hash}" for name in bin.config.parts),
         mujoco.__version__,
+        *photo,
     )
     return cache_dir() / "yardstick" / f"{bin.kind}-{bin.seed}-{key}.npz"
 

@@ -34,12 +34,13 @@ _ROWS = (
 
 
 def title(result: PoseBenchmarkResult) -> str:
-    """Return the estimator, the bins and their fingerprint; figures of only some bins are labelled so."""
+    """Return the estimator, the bins, their look and their fingerprint; figures of only some bins are labelled so."""
     count, whole = len(result.bins), len(benchmark_bins())
     bins = f"all {whole} bins" if count == whole else f"only the first {count} of {whole} bins"
     mixed = sum(bin.kind == "mixed" for bin in result.bins)
     kinds = f"{mixed} mixed, {count - mixed} homogeneous"
-    return f"{result.estimator} on the pose benchmark\n{bins}\n{kinds}\nfingerprint {result.fingerprint}"
+    look = "\nin the look of a photograph" if result.look == "photo" else ""
+    return f"{result.estimator} on the pose benchmark\n{bins}\n{kinds}{look}\nfingerprint {result.fingerprint}"
 
 
 def benchmark_table(result: PoseBenchmarkResult) -> Table:
@@ -105,6 +106,7 @@ def to_json(result: PoseBenchmarkResult) -> dict[str, Any]:
         "bins": len(result.bins),
         "whole": len(result.bins) == len(benchmark_bins()),
         "mixed": sum(bin.kind == "mixed" for bin in result.bins),
+        "look": result.look,
         "fingerprint": result.fingerprint,
         "onboarding_s": result.onboarding_s,
         "hypotheses": result.hypotheses,

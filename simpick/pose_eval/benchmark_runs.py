@@ -7,16 +7,30 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cache, partial
+from pathlib import Path
 from typing import TypeVar
 
 from simpick.assets.library import get_part
+from simpick.bop import BopWriter
 from simpick.closing import Closing
 from simpick.errors import ConfigError
+from simpick.estimators.detections import is_file
 from simpick.estimators.registry import PoseBudget
 from simpick.metrics.scores import average_recalls
 from simpick.metrics.summaries import PoseSummary
-from simpick.pose_eval.benchmark_bins import BenchmarkBin, benchmark_bins, fingerprint, load_view, view_path
+from simpick.pose_eval.benchmark_bins import (
+    MIXED_PARTS,
+    BenchmarkBin,
+    Look,
+    benchmark_bins,
+    fingerprint,
+    fresh_view,
+    load_view,
+    view_path,
+)
 from simpick.pose_eval.best_of import best_of
+from simpick.pose_eval.bin_images import BinImage, BinView, export_bin
+from simpick.pose_eval.file_detections import detections_of_bin
 from simpick.pose_eval.pose_evaluation import (
     ImageErrors,
     InstanceError,
@@ -24,7 +38,7 @@ from simpick.pose_eval.pose_evaluation import (
     PoseEvaluator,
     summarize_instances,
 )
-from simpick.pose_eval.pose_images import library_model
+from simpick.pose_eval.pose_images import PoseImage, library_model
 from simpick.pose_eval.pose_sources import PoseSource, answers, make_source
 from simpick.terminal import Console, track
 from simpick.workers import UNLIMITED, WorkerPool
@@ -87,6 +101,11 @@ class PoseBenchmarkResult:
     onboarding_s: dict[str, float]
     """Time to onboard each part, the maximum over all processes."""
 
+    @property
+    def look(self) -> Look:
+        """Return the look of the bins."""
+        return self.bins[0].look
+
 
 class BinScorer(Closing):
     """Scores one source of estimates on bins of the pose benchmark. A context manager."""
@@ -101,7 +120,7 @@ class BinScorer(Closing):
         view = load_view(bin)
         known = set(self._source.onboarding_s)
         errors, choices, hypotheses = {}, {}, 0
-        images = (view.image(preset) for preset in self._detections)
+        images = (_image(view, name) for name in self._detections)
         for preset, answer in zip(self._detections, answers(images, self._source), strict=True):
             errors[preset] = self._evaluator.score(answer)
             hypotheses = max([hypotheses, *(len(estimate.hypotheses) for estimate in answer.estimates)])
@@ -122,11 +141,27 @@ def make_views(bins: Sequence[BenchmarkBin], *, workers: int = 1, console: Conso
     return sum(_mapped(_make_view, missing, workers, "making bins", console))
 
 
+def export_bins(bins: Sequence[BenchmarkBin], folder: Path, console: Console | None = None) -> None:
+    """Write bins as a BOP data set, without detections: scene ids are the seeds, object ids number `MIXED_PARTS`.
+
+    Raises:
+        OutputError: the folder cannot be written, or holds some of the bins already.
+    """
+    with BopWriter(folder, [get_part(name) for name in MIXED_PARTS]) as writer:
+        writer.check_new([bin.seed for bin in bins])
+        for bin in track(bins, "writing bins", console=console):
+            view, visibilities = fresh_view(bin)
+            export_bin(writer, BinImage(view.image([]), visibilities))
+    if console is not None:
+        console.print_line(f"data set: {folder}")
+
+
 def run_pose_benchmark(
     estimator: str,
     *,
     detections: Sequence[str] = ("perfect", "realistic"),
     bins: int | None = None,
+    look: Look = "default",
     hypotheses: int | None = None,
     budget: PoseBudget | None = None,
     workers: int = 1,
@@ -135,11 +170,11 @@ def run_pose_benchmark(
     """Score an estimator, by name, on the first `bins` bins of the pose benchmark, or on all.
 
     Raises:
-        UnknownNameError: no estimator or no detection preset has this name.
+        UnknownNameError: there is no estimator or there are no detections of this name.
         ConfigError: no preset is given, there are not so many bins, `workers` is not positive, or the estimator does
             not take a number of hypotheses or a budget.
     """
-    chosen = benchmark_bins(bins)
+    chosen = benchmark_bins(bins, look)
     if not detections:
         raise ConfigError("detections must be of one preset or more, such as perfect and realistic, got none")
     if workers < 1:
@@ -177,6 +212,11 @@ def summarize_scores(
         hypotheses,
         dict(sorted(onboarding_s.items())),
     )
+
+
+def _image(view: BinView, detections: str) -> PoseImage:
+    """Return a bin's image with detections by name or from a file."""
+    return view.image(detections_of_bin(Path(detections), view, MIXED_PARTS) if is_file(detections) else detections)
 
 
 def _make_view(bin: BenchmarkBin) -> bool:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,11 +15,15 @@ from simpick.estimators.boundary import validated_detections
 from simpick.estimators.detections import make_detector
 from simpick.geometry import invert
 from simpick.pose_eval.pose_images import PoseImage, PoseTruth
-from simpick.records import CameraFrame
+from simpick.records import CameraFrame, Detection
 from simpick.rendering import SceneRenderer, Visibility, measure_visibility
+from simpick.rendering.camera_effects import PHOTO_EFFECTS, apply_camera_effects
 from simpick.scene import SceneConfig, build_scene
+from simpick.scene.randomization import RANDOMIZATIONS, draw_look
+from simpick.scene.relighting import relight
 
 _CAMERA = "overhead"
+_PHOTO_STREAM = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +38,8 @@ class BinView:
     """The part of each instance, by instance number."""
     truths: tuple[PoseTruth, ...]
 
-    def image(self, detections: str) -> PoseImage:
-        """Return the view with detections by name (see `simpick.estimators.detections`).
+    def image(self, detections: str | Sequence[Detection]) -> PoseImage:
+        """Return the view with these detections, or those of a name (see `simpick.estimators.detections`).
 
         Parts that are at least 10 % visible are the targets.
 
@@ -45,14 +49,17 @@ class BinView:
         for truth in self.truths:
             if truth.visible_fraction >= MIN_VISIBLE_FRACTION:
                 counts[truth.part] = counts.get(truth.part, 0) + 1
-        # The second number separates this stream from the one that the bin itself is drawn from.
-        rng = np.random.default_rng((self.seed, 1))
-        detector = make_detector(detections, [part.name for part in self.parts], rng)
         start = time.perf_counter()
-        found = validated_detections(detector, self.frame, list({part.name: part for part in self.parts}.values()))
+        found = self._detected(detections) if isinstance(detections, str) else detections
         return PoseImage(
             self.seed, 0, self.frame, tuple(found), self.truths, counts, detection_s=time.perf_counter() - start
         )
+
+    def _detected(self, name: str) -> list[Detection]:
+        # The second number separates this stream from the one that the bin itself is drawn from.
+        rng = np.random.default_rng((self.seed, 1))
+        detector = make_detector(name, [part.name for part in self.parts], rng)
+        return validated_detections(detector, self.frame, list({part.name: part for part in self.parts}.values()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,12 +72,21 @@ class BinImage:
     """Of the image's truths, in their order."""
 
 
-def view_bin(config: SceneConfig, seed: int) -> tuple[BinView, tuple[Visibility, ...]]:
-    """Build the bin of a seed and return the overhead camera's view, and the visibility of each of its truths."""
+def view_bin(config: SceneConfig, seed: int, *, photo: bool = False) -> tuple[BinView, tuple[Visibility, ...]]:
+    """Build the bin of a seed and return the overhead camera's view, and the visibility of each of its truths.
+
+    With `photo`, the same parts at the same poses are seen by the same camera in the look of a photograph: the preset
+    "photo" of lights, colours and textures, and `PHOTO_EFFECTS` of the camera.
+    """
     scene = build_scene(config, seed)
+    rng = np.random.default_rng((seed, _PHOTO_STREAM))
+    if photo:
+        relight(scene, draw_look(RANDOMIZATIONS["photo"], len(scene.instances), rng))
     with SceneRenderer(scene) as renderer:
         frame = renderer.capture(_CAMERA)
         visibilities = measure_visibility(renderer, _CAMERA)
+    if photo:
+        frame = replace(frame, rgb=apply_camera_effects(frame.rgb, PHOTO_EFFECTS, rng))
     T_camera_world = invert(frame.T_world_camera)
     parts = tuple(instance.part for instance in scene.instances)
     truths = tuple(
@@ -82,11 +98,17 @@ def view_bin(config: SceneConfig, seed: int) -> tuple[BinView, tuple[Visibility,
     return BinView(seed, frame, parts, truths), visibilities
 
 
-def bin_images(config: SceneConfig, seeds: Sequence[int], detections: str = "perfect") -> Iterator[BinImage]:
-    """Build a bin for each seed and yield its image with depth, truth, targets and detections of this preset."""
+def bin_images(
+    config: SceneConfig, seeds: Sequence[int], detections: str | Callable[[BinView], Sequence[Detection]] = "perfect"
+) -> Iterator[BinImage]:
+    """Build a bin for each seed and yield its image with depth, truth, targets and detections.
+
+    `detections` are named (see `simpick.estimators.detections`), or a function returns those of a view.
+    """
     for seed in seeds:
         view, visibilities = view_bin(config, seed)
-        yield BinImage(view.image(detections), visibilities)
+        found = detections if isinstance(detections, str) else detections(view)
+        yield BinImage(view.image(found), visibilities)
 
 
 def export_bin(writer: BopWriter, bin_image: BinImage) -> int:

@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator, Sequence
 
 from simpick.bop import BopDataset, BopDetection, BopResult, BopScene, BopTarget
+from simpick.bop.detections_json import by_image
 from simpick.bop.targets import MIN_VISIBLE_FRACTION
 from simpick.errors import DatasetError
 from simpick.estimators.base import Detector
@@ -57,9 +58,7 @@ def bop_images(
             )
         name = dataset.models.name(target.obj_id)
         wanted.setdefault((target.scene_id, target.im_id), {})[name] = target.inst_count
-    found: dict[tuple[int, int], list[BopDetection]] = {}
-    for entry in () if detections is None or isinstance(detections, Detector) else detections:
-        found.setdefault((entry.scene_id, entry.im_id), []).append(entry)
+    found = by_image(() if detections is None or isinstance(detections, Detector) else detections)
     scene: BopScene | None = None
     for (scene_id, im_id), counts in wanted.items():
         if scene is None or scene.scene_id != scene_id:

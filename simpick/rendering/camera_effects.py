@@ -14,7 +14,7 @@ from simpick.config import Config, Fraction, NonNegativeFloat
 from simpick.estimators.luminance import LUMINANCE
 
 _BelowOne = Annotated[float, Interval(ge=0, lt=1)]
-_GRADIENT_SHARE, _BLUR_SHARE, _NOISE_SHARE = 0.3, 1 / 3, 0.5
+_GRADIENT_SHARE = 0.3
 _GRADIENT = (0.6, 1.25)
 _SATURATION = (0.4, 1.4)
 _SMALLEST_BLUR_PX = 0.3
@@ -30,13 +30,23 @@ class CameraEffects(Config):
     colour: _BelowOne = 0.12
     """Largest relative change of the red, green and blue gains."""
     blur_px: Annotated[float, Interval(ge=0.3, le=10)] = 1.5
-    """Largest standard deviation of the blur, which a third of the images have."""
+    """Largest standard deviation of the blur."""
+    blur_share: Fraction = 1 / 3
+    """Share of images that are blurred."""
     noise: NonNegativeFloat = 8.0
-    """Largest standard deviation of the noise in grey levels, which half of the images have."""
+    """Largest standard deviation of the noise in grey levels."""
+    noise_share: Fraction = 0.5
+    """Share of images with noise."""
     jpeg_share: Fraction = 0.3
     """Share of images that are compressed as JPEG."""
     grey_share: Fraction = 0.1
     """Share of images without colour."""
+
+
+PHOTO_EFFECTS = CameraEffects(
+    brightness=0.15, blur_px=2.1, blur_share=1.0, noise=12.0, noise_share=1.0, jpeg_share=1.0, grey_share=0.0
+)
+"""Of the pose benchmark's photo-like images: a blur of 1.2 px and noise of 6 grey levels on average, always JPEG."""
 
 
 def apply_camera_effects(
@@ -56,9 +66,9 @@ def apply_camera_effects(
     x = x * (1 + rng.uniform(-effects.brightness, effects.brightness))
     if rng.random() < _GRADIENT_SHARE:
         x = x * _light_gradient(x.shape[0], x.shape[1], rng)[..., None]
-    if rng.random() < _BLUR_SHARE:
+    if rng.random() < effects.blur_share:
         x = cv2.GaussianBlur(x, (0, 0), rng.uniform(_SMALLEST_BLUR_PX, effects.blur_px))
-    if rng.random() < _NOISE_SHARE:
+    if rng.random() < effects.noise_share:
         x = x + rng.normal(0, rng.uniform(0, effects.noise / 255), x.shape).astype(np.float32)
     out = np.clip(255 * x, 0, 255).astype(np.uint8)
     if rng.random() < effects.jpeg_share:

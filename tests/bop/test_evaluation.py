@@ -180,7 +180,7 @@ def test_the_command_prints_recalls_and_writes_results(root, tmp_path, capsys):
         ({}, r"give either --dataset DIR or --bins N"),
         ({"bins": -1}, r"bins must be at least 0, got -1"),
         ({"bins": 2, "split": "val"}, r"split must come with --dataset, got --bins 2"),
-        ({"bins": 2, "detections": "d.json"}, r"no detections named 'd.json'"),
+        ({"bins": 2, "detections": "d.json"}, r"no file d\.json\. Give a detections file in BOP's format"),
         ({"dataset": "d", "detections": "realistic"}, r"a JSON file in BOP's format, got 'realistic'"),
         ({"dataset": "d", "export": "e"}, r"export must come with --bins; a data set is one already"),
         ({"dataset": "d", "max_images": 0}, r"max_images must be at least 1, got 0"),
@@ -205,6 +205,18 @@ def test_fresh_bins_are_evaluated_and_exported_alike(tmp_path, capsys):
     reread = capsys.readouterr().out
     row = next(line for line in fresh.splitlines() if line.split()[:1] == ["all"])
     assert row in reread and row.count("100.0") == 4
+    # The file's detections are those that the bin was exported with: an estimator answers both alike.
+    file = str(export / "detections_perfect_0-0.json")
+    rows = []
+    for detections in ("perfect", file):
+        settings = {"bins": 1, "count": 3, "parts": ("hex_nut", "l_bracket"), "estimator": "retrieval"}
+        assert Evaluate(**settings, detections=detections).run() == 0
+        rows += [line for line in capsys.readouterr().out.splitlines() if line.split()[:1] == ["all"]]
+    assert rows[:2] == rows[2:] and len(rows) == 4
+    with pytest.raises(DatasetError, match=r"must hold detections of the bins: scene_id 5 and so on.*holds scenes 0\."):
+        Evaluate(bins=1, seed=5, count=3, parts=("hex_nut", "l_bracket"), detections=file).run()
+    with pytest.raises(DatasetError, match=r"entry 0, key 'category_id': must be from 1 to 1, .* among hex_nut; got 2"):
+        Evaluate(bins=1, count=3, parts=("hex_nut",), detections=file).run()
     # Raw files, by hand: projected with BOP's K, the vertices' box is the mask's box to within a pixel.
     scene = export / "test/000000"
     camera = json.loads((scene / "scene_camera.json").read_text())["0"]

@@ -1,11 +1,12 @@
 """Detections by name: the simulator's, the shipped detector's, and those of other packages."""
 
 from importlib.metadata import EntryPoint
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from simpick.errors import PluginError, UnknownNameError
+from simpick.errors import ConfigError, DatasetError, PluginError, UnknownNameError
 from simpick.estimators import detections, plugins
 from simpick.estimators.detections import detector_data, detector_names, is_simulated, make_detector
 from simpick.estimators.segmentation_detector import SegmentationDetector
@@ -47,6 +48,21 @@ def test_detectors_of_other_packages_have_names() -> None:
 def test_a_package_that_cannot_be_imported_is_named() -> None:
     with pytest.raises(PluginError, match=r"'gone', .* simpick.detectors = no_such_package:Detector, cannot be made"):
         make("gone")
+
+
+def test_a_file_is_refused_where_images_are_new() -> None:
+    with pytest.raises(ConfigError, match=r"got the file 'found\.json'.*Take learned, or register your detector"):
+        make("found.json")
+
+
+def test_results_depend_on_the_content_of_a_file(tmp_path: Path) -> None:
+    file = tmp_path / "found.json"
+    file.write_text("[]")
+    before = detector_data(str(file))
+    file.write_text("[ ]")
+    assert list(before) == ["found.json"] and detector_data(str(file)) != before
+    with pytest.raises(DatasetError, match=r"no file .*gone\.json\. Give a detections file in BOP's format"):
+        detector_data(str(tmp_path / "gone.json"))
 
 
 def test_an_unknown_name_lists_what_exists() -> None:

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from simpick.assets import get_part
+from simpick.bop import BopDataset, write_detections
 from simpick.cli.main import main
 from simpick.errors import ConfigError
 from simpick.geometry import so3_exp, transform
-from simpick.pose_eval.benchmark_bins import benchmark_bins, fingerprint, load_view, view_path
+from simpick.pose_eval.benchmark_bins import MIXED_PARTS, benchmark_bins, fingerprint, load_view, view_path
 from simpick.pose_eval.benchmark_gains import gains
 from simpick.pose_eval.benchmark_report import best_of_table, title, to_json
 from simpick.pose_eval.benchmark_runs import (
@@ -64,6 +65,40 @@ def test_the_cached_view_is_the_fresh_one_to_the_last_bit(tmp_path: Path, monkey
     view_path(bin).write_bytes(whole[: len(whole) // 2])
     assert fingerprint(load_view(bin)) == fingerprint(fresh)
     assert len(view_path(bin).read_bytes()) == len(whole)
+
+
+@pytest.mark.render
+def test_a_photograph_shows_the_same_parts_to_the_same_camera() -> None:
+    (plain,), (photo,) = (benchmark_bins(1, look) for look in ("default", "photo"))
+    a, b = load_view(plain), load_view(photo)
+    np.testing.assert_array_equal(a.frame.instances, b.frame.instances)
+    np.testing.assert_array_equal(a.frame.depth_m, b.frame.depth_m)
+    np.testing.assert_array_equal(a.frame.T_world_camera, b.frame.T_world_camera)
+    assert a.frame.camera == b.frame.camera
+    for one, other in zip(a.truths, b.truths, strict=True):
+        np.testing.assert_array_equal(one.T_camera_part, other.T_camera_part)
+    assert np.abs(a.frame.rgb.astype(int) - b.frame.rgb).mean() > 20
+    # The photograph is noisy: neighbouring pixels differ where the simulator's image is smooth.
+    roughness = [np.median(np.abs(np.diff(view.frame.rgb[..., 1].astype(int), axis=1))) for view in (a, b)]
+    assert roughness[1] > roughness[0]
+
+
+@pytest.mark.render
+def test_bins_are_written_for_other_detectors_whose_file_is_read(tmp_path: Path, capsys) -> None:
+    export, file = tmp_path / "bins", tmp_path / "theirs.json"
+    assert main(["pose-benchmark", "--bins", "1", "--export", str(export)]) == 0
+    (bin,) = benchmark_bins(1)
+    perfect = load_view(bin).image("perfect").detections
+    numbers = {name: obj_id for obj_id, name in zip(BopDataset(export).models.obj_ids, MIXED_PARTS, strict=True)}
+    write_detections(file, [(bin.seed, 0, -1.0, perfect)], numbers.__getitem__)
+    result = run_pose_benchmark("retrieval", bins=1, detections=["perfect", str(file)])
+    same = [evaluation.summary for evaluation in result.evaluations.values()]
+    assert same[0] == same[1] and same[0].answered == len(perfect)
+    empty = tmp_path / "empty.json"
+    empty.write_text("[]")
+    assert main(["pose-benchmark", "retrieval", "--bins", "1", "--detections", str(empty)]) == 2
+    text = f"must hold detections of the bins: scene_id {bin.seed} and so on, a bin's seed, and image_id 0; it holds"
+    assert text in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.render
