@@ -10,10 +10,10 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from simpick.estimators.luminance import LUMINANCE
 from simpick.geometry import VirtualCameras, aim_virtual_cameras
 from simpick.geometry.crops import warp
 from simpick.records import CameraFrame
+from simpick.rendering.luminance import LUMINANCE
 
 
 @dataclass(frozen=True, eq=False)

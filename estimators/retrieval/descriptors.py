@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 from torch.nn import functional as F
 
-from simpick.estimators.luminance import LUMINANCE
+from simpick.rendering.luminance import LUMINANCE
 
 CROP_PX = 64
 """Side of the crops that are described."""

@@ -11,7 +11,7 @@ from annotated_types import Interval
 from jaxtyping import Float, UInt8
 
 from simpick.config import Config, Fraction, NonNegativeFloat
-from simpick.estimators.luminance import LUMINANCE
+from simpick.rendering.luminance import LUMINANCE
 
 _BelowOne = Annotated[float, Interval(ge=0, lt=1)]
 _GRADIENT_SHARE = 0.3

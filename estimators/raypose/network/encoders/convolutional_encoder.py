@@ -10,8 +10,8 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from simpick.estimators.luminance import LUMINANCE
 from simpick.estimators.raypose.network.encoders.feature_maps import FeatureMaps
+from simpick.rendering.luminance import LUMINANCE
 
 CHANNELS = 5
 """Of `orientation_channels`."""
