@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
+import numpy as np
+from jaxtyping import Bool
+
 from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
 
 if TYPE_CHECKING:
@@ -27,6 +30,18 @@ class OnboardingDetector(Detector, Protocol):
 
     def onboard(self, part: Part) -> None:
         """Prepare for a part; cached on disk by `Part.content_hash`."""
+        ...
+
+
+@runtime_checkable
+class ForegroundDetector(Detector, Protocol):
+    """A `Detector` that also knows which pixels show parts, detected or not: the rest is the empty bin.
+
+    What no estimated pose explains of them is an obstacle to the grasp planner.
+    """
+
+    def foreground(self, frame: CameraFrame) -> Bool[np.ndarray, "height width"]:
+        """Return the pixels that show parts."""
         ...
 
 

@@ -13,9 +13,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import Bool
 
 from simpick.errors import PluginError, SimpickError
-from simpick.estimators.base import BatchPoseEstimator, Detector, PoseEstimator
+from simpick.estimators.base import BatchPoseEstimator, Detector, ForegroundDetector, PoseEstimator
 from simpick.estimators.segmentation_detector import SegmentationDetector
 from simpick.records import CameraFrame, Detection, PoseEstimate
 
@@ -49,6 +50,22 @@ def validated_detections(detector: Detector, frame: CameraFrame, parts: Sequence
     return found
 
 
+def validated_foreground(detector: Detector, frame: CameraFrame) -> Bool[np.ndarray, "height width"] | None:
+    """Return the pixels that show parts; None from a detector that does not know them.
+
+    Raises:
+        PluginError: the detector raised something, or returned something else than a mask of the image's size.
+        SimpickError: the detector raised it.
+    """
+    if not isinstance(detector, ForegroundDetector):
+        return None
+    with _named("detector", detector):
+        foreground = detector.foreground(without_truth(frame))
+        _check_type(foreground, np.ndarray, "a foreground mask")
+        _check_mask(foreground, frame, "the foreground")
+    return foreground
+
+
 def validated_estimates(
     estimator: PoseEstimator, frames: Sequence[CameraFrame], detections: Sequence[Sequence[Detection]]
 ) -> list[list[PoseEstimate]]:
@@ -80,10 +97,15 @@ def _check_detection(detection: Detection, frame: CameraFrame, names: set[str]) 
     box = np.asarray(detection.box_xyxy_px, float)
     if box.shape != (4,) or not np.isfinite(box).all():
         raise _WrongAnswerError(f"boxes must be four finite numbers x1, y1, x2, y2 in pixels, got {box.tolist()}")
-    mask, size = detection.mask, frame.rgb.shape[:2]
-    if mask is not None and (mask.shape != size or mask.dtype != bool):
+    if detection.mask is not None:
+        _check_mask(detection.mask, frame, "masks")
+
+
+def _check_mask(mask: np.ndarray, frame: CameraFrame, what: str) -> None:
+    size = frame.rgb.shape[:2]
+    if mask.shape != size or mask.dtype != bool:
         raise _WrongAnswerError(
-            f"masks must be boolean and of the image's size {size}, got {mask.dtype} of {mask.shape}"
+            f"{what} must be boolean and of the image's size {size}, got {mask.dtype} of {mask.shape}"
         )
 
 

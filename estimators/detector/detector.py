@@ -35,7 +35,7 @@ class LearnedDetectorConfig(Config):
 
 
 class LearnedDetector:
-    """Segments the image without regard to parts, then names each instance. Implements `Detector`.
+    """Segments the image without regard to parts, then names each instance. Implements `ForegroundDetector`.
 
     Of the frame it reads `rgb` and `camera` only: neither depth, nor instance ids, nor the camera's pose.
     """
@@ -51,6 +51,8 @@ class LearnedDetector:
         self.segmenter = InstanceSegmenter(checkpoint.network, checkpoint.score)
         self.naming = PartNaming()
         self._checked: set[frozenset[str]] = set()
+        self._seen: tuple[np.ndarray, np.ndarray] | None = None
+        """The last image and its foreground, so that asking for both runs the network once."""
 
     def onboard(self, part: Part) -> None:
         """Prepare the part's templates, or take them from the cache; `detect` does it for parts that are new."""
@@ -75,6 +77,7 @@ class LearnedDetector:
             return self.naming.compare(frame, masks, parts).similarity.max(axis=1)
 
         found = self.segmenter.segment(frame.rgb, judge)
+        self._seen = frame.rgb.copy(), found.foreground
         if not found.masks:
             return []
         named = self.naming.compare(frame, found.masks, parts)
@@ -87,6 +90,16 @@ class LearnedDetector:
             if is_named[k] >= self.config.min_name_probability and scores[k] >= self.config.min_score
         ]
         return sorted(detections, key=lambda detection: -detection.score)
+
+    def foreground(self, frame: CameraFrame) -> Bool[np.ndarray, "height width"]:
+        """Return the pixels that show parts, detected or not; costs nothing for the image of the last `detect`.
+
+        Raises:
+            ConfigError: as `detect`.
+        """
+        if self._seen is None or not np.array_equal(self._seen[0], frame.rgb):
+            self._seen = frame.rgb.copy(), self.segmenter.segment(frame.rgb).foreground
+        return self._seen[1]
 
     def _warn_of_alike(self, parts: Sequence[Part]) -> None:
         key = frozenset(part.content_hash for part in parts)

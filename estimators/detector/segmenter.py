@@ -38,9 +38,12 @@ class SegmentedImage:
     """Probability that the mask overlaps an instance by an IoU of at least one half."""
     features: Float[np.ndarray, "instances 4"]
     """What the scores follow from; see `Instances`."""
+    foreground: Bool[np.ndarray, "height width"]
+    """Pixels that show parts, also those that belong to no instance."""
 
 
-_NOTHING = SegmentedImage([], np.zeros(0), np.zeros((0, 4)))
+def _nothing(height: int, width: int) -> SegmentedImage:
+    return SegmentedImage([], np.zeros(0), np.zeros((0, 4)), np.zeros((height, width), bool))
 
 
 class InstanceSegmenter:
@@ -62,7 +65,7 @@ class InstanceSegmenter:
         height, width = checked_size(rgb)
         # An image of one colour shows nothing, and the network was never trained on one.
         if not np.ptp(rgb.reshape(-1, 3), axis=0).any():
-            return _NOTHING
+            return _nothing(height, width)
         scale = WORKING_PX / max(height, width)
         size = (max(1, round(width * scale)), max(1, round(height * scale)))
         flags = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
@@ -79,7 +82,7 @@ class InstanceSegmenter:
         foreground, affinities = self.maps(image)
         is_part = foreground > self.config.foreground
         if not is_part.any():
-            return _NOTHING
+            return _nothing(height, width)
         tree = merge_tree(is_part, affinities, certain=self.config.certain, possible=self.config.possible)
         accept = self._acceptance(tree, mask_of, judge)
         instances = label_nodes(tree, tree.cut(accept), foreground, self.config.min_cells)
@@ -87,7 +90,7 @@ class InstanceSegmenter:
         masks = [fit_size(mask) for mask in sharpen_outlines(image, masks)]
         scores = self.score(instances.features)
         order = [int(k) for k in np.argsort(-scores, kind="stable") if masks[k].any()]
-        return SegmentedImage([masks[k] for k in order], scores[order], instances.features[order])
+        return SegmentedImage([masks[k] for k in order], scores[order], instances.features[order], mask_of(is_part))
 
     def _acceptance(
         self, tree: MergeTree, mask_of: Callable[[np.ndarray], np.ndarray], judge: Judge | None

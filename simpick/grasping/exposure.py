@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-_CELL_M = 0.004
+from simpick.grasping.height_grid import HeightGrid
+
 _BELOW_M = 0.003
 
 
@@ -18,20 +19,12 @@ def exposures(points_world: Sequence[Float[np.ndarray, "_ 3"]]) -> Float[np.ndar
     """
     if not points_world:
         return np.zeros(0)
-    everything = np.concatenate(points_world)
-    low = everything[:, :2].min(axis=0)
-    size = tuple(np.ceil((everything[:, :2].max(axis=0) - low) / _CELL_M).astype(int) + 1)
-    tops = []
-    for points in points_world:
-        top = np.full(size, -np.inf)
-        cells = ((points[:, :2] - low) / _CELL_M).astype(int)
-        np.maximum.at(top, (cells[:, 0], cells[:, 1]), points[:, 2])
-        tops.append(top)
-    stack = np.stack(tops)
+    grid = HeightGrid.around(points_world)
+    tops = np.stack([grid.top(points) for points in points_world])
     shares = []
     for k, top in enumerate(tops):
-        others = np.delete(stack, k, axis=0)
-        cover = others.max(axis=0) if len(others) else np.full(size, -np.inf)
+        others = np.delete(tops, k, axis=0)
+        cover = others.max(axis=0) if len(others) else np.full(grid.shape, -np.inf)
         own = np.isfinite(top)
-        shares.append(float((top >= cover - _BELOW_M)[own].mean()))
+        shares.append(float((top >= cover - _BELOW_M)[own].mean()) if own.any() else 0.0)
     return np.array(shares)

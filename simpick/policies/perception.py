@@ -6,9 +6,14 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from jaxtyping import Bool
+
 from simpick.assets.part import Part
 from simpick.estimators.base import Detector, OnboardingDetector, PoseEstimator
-from simpick.estimators.boundary import validated_detections, validated_estimates
+from simpick.estimators.boundary import validated_detections, validated_estimates, validated_foreground
+from simpick.estimators.oracle import OracleEstimator
+from simpick.policies.resting_estimates import resting_estimates
 from simpick.records import CameraFrame, Detection, PoseEstimate
 
 
@@ -20,11 +25,17 @@ class Percept:
     estimates: tuple[PoseEstimate, ...]
     timings_s: dict[str, float]
     """Wall-clock seconds of ``detect`` and ``estimate``."""
+    foreground: Bool[np.ndarray, "height width"] | None = None
+    """Pixels that show parts, detected or not; None if the detector does not know."""
 
 
 @dataclass(frozen=True)
 class Perception:
-    """A detector followed by a pose estimator: the part of a policy that simpick compares."""
+    """A detector followed by a pose estimator: the part of a policy that simpick compares.
+
+    Estimates from images are moved along their lines of sight until the parts rest in the bin (`resting_estimates`);
+    the oracle's poses, and their known errors, stay as they are.
+    """
 
     name: str
     detector: Detector
@@ -51,9 +62,10 @@ def perceive_together(
     alone are shared. The time of a batch is split evenly among its frames.
     """
     start = time.perf_counter()
-    detections, detect_s = [], []
+    detections, foregrounds, detect_s = [], [], []
     for perception, frame in zip(perceptions, frames, strict=True):
         detections.append(validated_detections(perception.detector, frame, parts))
+        foregrounds.append(validated_foreground(perception.detector, frame))
         detect_s.append(time.perf_counter() - start)
         start = time.perf_counter()
     sharing: dict[int, list[int]] = {}
@@ -66,6 +78,9 @@ def perceive_together(
         found = validated_estimates(estimator, [frames[k] for k in rows], [detections[k] for k in rows])
         estimate_s = (time.perf_counter() - start) / len(rows)
         for k, estimates in zip(rows, found, strict=True):
-            timings_s = {"detect": detect_s[k], "estimate": estimate_s}
-            percepts[k] = Percept(tuple(detections[k]), tuple(estimates), timings_s)
+            start = time.perf_counter()
+            if not isinstance(estimator, OracleEstimator):
+                estimates = resting_estimates(estimates, parts, frames[k].T_world_camera)
+            timings_s = {"detect": detect_s[k], "estimate": estimate_s + time.perf_counter() - start}
+            percepts[k] = Percept(tuple(detections[k]), tuple(estimates), timings_s, foregrounds[k])
     return [percepts[k] for k in range(len(frames))]

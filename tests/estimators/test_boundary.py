@@ -8,7 +8,7 @@ import pytest
 
 from simpick.assets.library import get_part
 from simpick.errors import CheckpointError, PluginError
-from simpick.estimators.boundary import validated_detections, validated_estimates
+from simpick.estimators.boundary import validated_detections, validated_estimates, validated_foreground
 from simpick.estimators.segmentation_detector import SegmentationDetector
 from simpick.geometry import Pinhole
 from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
@@ -97,6 +97,38 @@ def test_a_detector_s_fault_is_named(answer, text: str) -> None:
     with pytest.raises(PluginError, match=text) as caught:
         validated_detections(Detects(answer), FRAME, [NUT])
     assert "detector tests.estimators.test_boundary.Detects" in str(caught.value)
+
+
+class Segments(Detects):
+    """Also returns the answer as foreground."""
+
+    def foreground(self, frame) -> Any:
+        return self.detect(frame, ())
+
+
+def test_the_foreground_is_asked_for_without_the_truth() -> None:
+    detector = Segments(MASK)
+    assert validated_foreground(detector, FRAME) is MASK
+    assert detector.frame.depth_m is None and detector.frame.instances is None
+
+
+def test_detectors_need_not_know_the_foreground() -> None:
+    assert validated_foreground(Detects([GOOD]), FRAME) is None
+    assert validated_foreground(SegmentationDetector(instance_parts=["hex_nut"]), FRAME) is None
+
+
+@pytest.mark.parametrize(
+    ("answer", "text"),
+    [
+        (None, "a foreground mask must be returned, got NoneType"),
+        (MASK.astype(float), "the foreground must be boolean .* got float64"),
+        (MASK[:5], r"of the image's size \(24, 32\), got bool of \(5, 32\)"),
+        (ZeroDivisionError("oh"), "test_boundary.Segments failed: ZeroDivisionError: oh"),
+    ],
+)
+def test_a_wrong_foreground_is_named(answer, text: str) -> None:
+    with pytest.raises(PluginError, match=text):
+        validated_foreground(Segments(answer), FRAME)
 
 
 @pytest.mark.parametrize(

@@ -155,6 +155,12 @@ def test_exposure_is_the_uncovered_share() -> None:
     assert above == 1.0 and below == pytest.approx(0.5, abs=0.06)
 
 
+def test_a_part_far_outside_the_bin_offers_nothing_and_is_in_nobody_s_way(planner: GraspPlanner) -> None:
+    alone = planner.plan([NUT], [lying()])
+    found = planner.plan([NUT, NUT, NUT], [lying(), lying(x_m=60.0), lying(y_m=-60.0)])
+    assert [g.quality for g in found] == [g.quality for g in alone]
+
+
 def test_same_input_same_plan(planner: GraspPlanner) -> None:
     first = planner.plan([NUT], [lying()])
     again = GraspPlanner("jaw", BinConfig()).plan([NUT], [lying()])

@@ -8,7 +8,7 @@ import torch
 
 from simpick.assets.library import get_part
 from simpick.errors import CheckpointError, ConfigError
-from simpick.estimators.base import Detector
+from simpick.estimators.base import Detector, ForegroundDetector
 from simpick.estimators.detector import AlikePartsWarning, LearnedDetector
 from simpick.estimators.raypose.checkpoints import shipped_checkpoint
 from simpick.records import CameraFrame, Detection
@@ -46,6 +46,22 @@ def is_same(first: list[Detection], second: list[Detection]) -> bool:
 
 def test_it_is_a_detector(detector: LearnedDetector) -> None:
     assert isinstance(detector, Detector)
+
+
+def test_the_foreground_shows_every_part_and_costs_nothing_after_detection(
+    detector: LearnedDetector, seen_bin: SeenBin, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert isinstance(detector, ForegroundDetector)
+    frame = CameraFrame(seen_bin.frame.rgb, seen_bin.frame.camera, np.eye(4))
+    detector.detect(frame, seen_bin.parts)
+    with monkeypatch.context() as patched:
+        patched.setattr(detector.segmenter, "maps", None)
+        foreground = detector.foreground(frame)
+    ids = seen_bin.frame.instances
+    assert ids is not None and iou(foreground, ids >= 0) > 0.9
+    other = replace(frame, rgb=np.full_like(frame.rgb, 90))
+    assert not detector.foreground(other).any()
+    np.testing.assert_array_equal(detector.foreground(frame), foreground)
 
 
 def test_parts_that_lie_apart_are_found_and_named(found: list[Detection], seen_bin: SeenBin) -> None:
