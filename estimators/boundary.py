@@ -2,7 +2,7 @@
 
 Every loop that runs perception asks through these functions: policies, benchmarks, data sets. A plug-in of another
 package can therefore neither read the simulator's truth nor pass on a wrong answer: what it raises or returns wrongly
-becomes a `PluginError` that names it.
+becomes a `PluginError` that names it, and so does no answer in time (`simpick.estimators.time_limit`).
 """
 
 from __future__ import annotations
@@ -16,9 +16,17 @@ import numpy as np
 from jaxtyping import Bool
 
 from simpick.errors import PluginError, SimpickError
-from simpick.estimators.base import BatchPoseEstimator, Detector, ForegroundDetector, PoseEstimator
+from simpick.estimators.base import (
+    BatchPoseEstimator,
+    Detector,
+    ForegroundDetector,
+    OnboardingDetector,
+    PoseEstimator,
+    PoseRefiner,
+)
 from simpick.estimators.segmentation_detector import SegmentationDetector
-from simpick.records import CameraFrame, Detection, PoseEstimate
+from simpick.estimators.time_limit import VARIABLE, TimeLimitError, answer_limit_s, time_limit
+from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
 
 if TYPE_CHECKING:
     from simpick.assets.part import Part
@@ -32,15 +40,27 @@ def without_truth(frame: CameraFrame) -> CameraFrame:
     return replace(frame, depth_m=None, instances=None)
 
 
+def onboard_part(plugin: OnboardingDetector | PoseEstimator | PoseRefiner, part: Part) -> None:
+    """Let a plug-in prepare for a part.
+
+    Raises:
+        PluginError: the plug-in raised something, or did not return in time.
+        SimpickError: the plug-in raised it.
+    """
+    with _asked("plug-in", plugin):
+        plugin.onboard(part)
+
+
 def validated_detections(detector: Detector, frame: CameraFrame, parts: Sequence[Part]) -> list[Detection]:
     """Return the validated detections of these parts; only the simulator's own segmentation gets instance ids.
 
     Raises:
-        PluginError: the detector raised something, or returned something else than detections of these parts.
+        PluginError: the detector raised something, did not return in time, or returned something else than detections
+            of these parts.
         SimpickError: the detector raised it.
     """
     seen = frame if isinstance(detector, SegmentationDetector) else without_truth(frame)
-    with _named("detector", detector):
+    with _asked("detector", detector):
         found = detector.detect(seen, parts)
         names = {part.name for part in parts}
         _check_type(found, list, "a list of detections")
@@ -59,7 +79,7 @@ def validated_foreground(detector: Detector, frame: CameraFrame) -> Bool[np.ndar
     """
     if not isinstance(detector, ForegroundDetector):
         return None
-    with _named("detector", detector):
+    with _asked("detector", detector):
         foreground = detector.foreground(without_truth(frame))
         _check_type(foreground, np.ndarray, "a foreground mask")
         _check_mask(foreground, frame, "the foreground")
@@ -72,19 +92,50 @@ def validated_estimates(
     """Return the validated estimates for each frame's detections: in one batch if the estimator can.
 
     Raises:
-        PluginError: the estimator raised something, or returned something else than poses of these detections.
+        PluginError: the estimator raised something, did not return in time, or returned something else than poses of
+            these detections.
         SimpickError: the estimator raised it.
     """
     seen = [without_truth(frame) for frame in frames]
-    with _named("estimator", estimator):
+    with _asked("estimator", estimator, len(frames)):
         if isinstance(estimator, BatchPoseEstimator):
             answers = estimator.estimate_batch(seen, detections)
         else:
             answers = [estimator.estimate(frame, found) for frame, found in zip(seen, detections, strict=True)]
+        _check_type(answers, list, "a list of estimates for each frame")
+        if len(answers) != len(frames):
+            raise _WrongAnswerError(f"estimates of {len(frames)} frames must be returned, got {len(answers)}")
         for estimates, found in zip(answers, detections, strict=True):
             _check_type(estimates, list, "a list of estimates")
+            for estimate in estimates:
+                _check_type(estimate, PoseEstimate, "estimates")
             _check_estimates(estimates, found)
     return answers
+
+
+def validated_refinements(
+    refiner: PoseRefiner,
+    frame: CameraFrame,
+    detections: Sequence[Detection],
+    hypotheses: Sequence[Sequence[PoseHypothesis]],
+) -> list[tuple[PoseHypothesis, ...]]:
+    """Return the validated refined hypotheses of each detection.
+
+    Raises:
+        PluginError: the refiner raised something, did not return in time, or returned something else than poses.
+        SimpickError: the refiner raised it.
+    """
+    with _asked("refiner", refiner):
+        refined = refiner.refine(without_truth(frame), detections, hypotheses)
+        _check_type(refined, list, "a list of refined hypotheses")
+        if len(refined) != len(detections):
+            raise _WrongAnswerError(f"hypotheses of {len(detections)} detections must be returned, got {len(refined)}")
+        for best_first, detection in zip(refined, detections, strict=True):
+            _check_type(best_first, tuple, "a tuple of hypotheses for each detection")
+            for hypothesis in best_first:
+                _check_type(hypothesis, PoseHypothesis, "hypotheses")
+                _check_pose(hypothesis.T_camera_part, hypothesis.score, detection.part)
+    return refined
 
 
 def _check_detection(detection: Detection, frame: CameraFrame, names: set[str]) -> None:
@@ -113,22 +164,32 @@ def _check_estimates(estimates: Sequence[PoseEstimate], detections: Sequence[Det
     answered: set[int] = set()
     asked = {id(detection) for detection in detections}
     for estimate in estimates:
-        _check_type(estimate, PoseEstimate, "estimates")
         key = id(estimate.detection)
         if key not in asked or key in answered:
             raise _WrongAnswerError(
                 "each estimate must answer one of the detections (PoseEstimate.detection), each detection at most once"
             )
         answered.add(key)
-        for T in (estimate.T_camera_part, *(hypothesis.T_camera_part for hypothesis in estimate.hypotheses)):
-            if problem := _problem_of_pose(np.asarray(T, float)):
-                raise _WrongAnswerError(f"poses of {estimate.part!r} must be T_camera_part in metres, got {problem}")
-        if not np.isfinite(estimate.score):
-            raise _WrongAnswerError(f"scores of estimates must be finite, got {estimate.score}")
+        assert estimate.detection is not None
+        if estimate.part != estimate.detection.part:
+            raise _WrongAnswerError(
+                f"an estimate must be of its detection's part {estimate.detection.part!r}, got {estimate.part!r}"
+            )
+        for pose in (estimate, *estimate.hypotheses):
+            _check_pose(pose.T_camera_part, pose.score, estimate.part)
 
 
-def _problem_of_pose(T: np.ndarray) -> str:
+def _check_pose(T_camera_part: object, score: float, part: str) -> None:
+    if problem := _problem_of_pose(T_camera_part):
+        raise _WrongAnswerError(f"poses of {part!r} must be T_camera_part in metres, got {problem}")
+    if not np.isfinite(score):
+        raise _WrongAnswerError(f"scores of estimates must be finite, got {score}")
+
+
+def _problem_of_pose(T: object) -> str:
     """Return what is wrong with a pose, in words; empty if nothing is."""
+    if not isinstance(T, np.ndarray) or T.dtype.kind != "f":
+        return f"no array of floating-point numbers, but {T!r:.60}"
     if T.shape != (4, 4):
         return f"an array of shape {T.shape}"
     if not np.isfinite(T).all():
@@ -152,11 +213,18 @@ def _check_type(value: object, kind: type, what: str) -> None:
 
 
 @contextmanager
-def _named(role: str, plugin: object) -> Iterator[None]:
-    """Turn what a plug-in does wrong into an error that names it."""
+def _asked(role: str, plugin: object, images: int = 1) -> Iterator[None]:
+    """Limit how long a plug-in may take, and turn what it does wrong into an error that names it."""
     name = f"{type(plugin).__module__}.{type(plugin).__qualname__}"
+    limit_s = images * answer_limit_s()
     try:
-        yield
+        with time_limit(limit_s):
+            yield
+    except TimeLimitError:
+        raise PluginError(
+            f"the {role} {name} gave no answer in {limit_s:g} s. If it is slow and does not hang, allow more seconds "
+            f"per image with the environment variable {VARIABLE}"
+        ) from None
     except SimpickError:
         raise
     except _WrongAnswerError as error:

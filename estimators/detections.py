@@ -23,7 +23,7 @@ from simpick.bop.detections_json import read_detections
 from simpick.errors import ConfigError, UnknownNameError
 from simpick.estimators.base import Detector
 from simpick.estimators.detection_noise import DETECTION_PRESETS
-from simpick.estimators.plugins import Plugin, entries_of, file_hash, load_entry
+from simpick.estimators.plugins import Plugin, entries_of, file_hash, make_plugin
 from simpick.estimators.segmentation_detector import SegmentationDetector
 
 ENTRY_POINT_GROUP = "simpick.detectors"
@@ -78,7 +78,7 @@ def find_detector(name: str) -> DetectorSpec:
     if name in SHIPPED:
         return SHIPPED[name]
     if (entry := entries_of(ENTRY_POINT_GROUP).get(name)) is not None:
-        return DetectorSpec(load_entry(entry), entry=entry)
+        return DetectorSpec(lambda: make_plugin(entry, Detector), entry=entry)
     raise UnknownNameError(
         "detections", name, detector_names(), f"Other packages add theirs as entry points of {ENTRY_POINT_GROUP!r}."
     )

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from simpick.errors import PluginError, SimpickError
+from simpick.errors import ConfigError, PluginError, SimpickError
+
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,21 +46,28 @@ def entries_of(group: str) -> dict[str, EntryPoint]:
     return {entry.name: entry for entry in reversed([*entry_points(group=group)])}
 
 
-def load_entry(entry: EntryPoint) -> Callable[[], Any]:
-    """Return a function that makes another package's plug-in.
+def make_plugin(entry: EntryPoint, protocol: type[_T], **options: Any) -> _T:
+    """Return another package's plug-in, made with those `options` that are not None.
 
-    It raises PluginError if that package cannot be imported, lacks the plug-in, or cannot make it.
+    Raises:
+        PluginError: that package cannot be imported, lacks the plug-in or cannot make it, or it lacks methods.
+        ConfigError: the package's callable has no such option.
     """
-
-    def make() -> Any:
-        try:
-            return entry.load()()
-        except SimpickError:
-            raise
-        except Exception as error:
-            raise PluginError(
-                f"{entry.name!r}, registered by another package as {entry.group} = {entry.value}, cannot be made: "
-                f"{type(error).__name__}: {error}"
-            ) from error
-
-    return make
+    where = f"{entry.name!r}, registered by another package as {entry.group} = {entry.value},"
+    given = {name: value for name, value in options.items() if value is not None}
+    try:
+        create = entry.load()
+        unknown = given.keys() - inspect.signature(create).parameters.keys() if given else set()
+        made = None if unknown else create(**given)
+    except SimpickError:
+        raise
+    except Exception as error:
+        raise PluginError(f"{where} cannot be made: {type(error).__name__}: {error}") from error
+    if unknown:
+        raise ConfigError(
+            f"{where} takes no {', '.join(sorted(unknown))}; leave it out, or give the callable this parameter"
+        )
+    if not isinstance(made, protocol):
+        methods = [name for name in vars(protocol) if not name.startswith("_") and not hasattr(made, name)]
+        raise PluginError(f"{where} lacks {', '.join(methods)} of {protocol.__name__}, got {type(made).__name__}")
+    return made

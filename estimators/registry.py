@@ -12,10 +12,13 @@ from typing import Literal
 from simpick.config import Config, NonNegativeInt, PositiveInt
 from simpick.errors import ConfigError, UnknownNameError
 from simpick.estimators.base import PoseEstimator
-from simpick.estimators.plugins import Plugin, entries_of, load_entry
+from simpick.estimators.plugins import Plugin, entries_of, make_plugin
 
 ENTRY_POINT_GROUP = "simpick.estimators"
-"""Where another package registers its estimator: a callable without arguments that returns a `PoseEstimator`."""
+"""Where another package registers its estimator: a callable that returns a `PoseEstimator`.
+
+It is called without arguments, and for NAME@K with ``hypotheses=K``, which needs a parameter of that name.
+"""
 ORACLE = "oracle"
 """The name of the true poses. Whoever holds the truth makes this estimator: an environment or an annotated data set."""
 
@@ -65,7 +68,6 @@ class EstimatorSpec(Plugin):
 
     make: Callable[[int | None, PoseBudget], PoseEstimator]
     """Takes the number of hypotheses, None for the default. Imports heavy libraries itself."""
-    takes_hypotheses: bool = True
     takes_budget: bool = False
 
 
@@ -127,8 +129,9 @@ def find_estimator(name: str) -> EstimatorSpec:
     if name in SHIPPED:
         return SHIPPED[name]
     if (entry := entries_of(ENTRY_POINT_GROUP).get(name)) is not None:
-        make = load_entry(entry)
-        return EstimatorSpec(lambda hypotheses, budget: make(), takes_hypotheses=False, entry=entry)
+        return EstimatorSpec(
+            lambda hypotheses, budget: make_plugin(entry, PoseEstimator, hypotheses=hypotheses), entry=entry
+        )
     raise UnknownNameError(
         "estimator", name, estimator_names(), f"Other packages add theirs as entry points of {ENTRY_POINT_GROUP!r}."
     )
@@ -143,14 +146,13 @@ def load_estimator(name: str, *, hypotheses: int | None = None, budget: PoseBudg
         UnknownNameError: no estimator has this name; the message lists those that exist.
         ConfigError: the name is malformed or the oracle's, or the estimator takes no number of hypotheses or no budget.
         CheckpointError: the estimator's weights are missing.
+        PluginError: another package's estimator cannot be made.
     """
     parsed = EstimatorName.parse(name)
     if parsed.name == ORACLE:
         raise ConfigError("the oracle takes the true poses from an environment: make OracleEstimator(env.truth)")
     spec = find_estimator(parsed.name)
     hypotheses, budget = parsed.hypotheses or hypotheses, budget or PoseBudget()
-    if hypotheses is not None and not spec.takes_hypotheses:
-        raise ConfigError(f"{name!r} comes from another package, which decides how many hypotheses it makes")
     if budget != PoseBudget() and not spec.takes_budget:
         raise ConfigError(f"iterations and steps are options of coarse and fine; {name!r} has none. Leave them out")
     return spec.make(hypotheses, budget)

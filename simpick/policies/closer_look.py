@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 
 from simpick.assets.part import Part
 from simpick.estimators.base import Detector, PoseRefiner
-from simpick.estimators.boundary import validated_detections
+from simpick.estimators.boundary import onboard_part, validated_detections, validated_refinements
 from simpick.geometry import invert
 from simpick.geometry.transforms import transform_points
 from simpick.records import CameraFrame, PoseEstimate, PoseHypothesis
@@ -28,7 +28,7 @@ class CloserLook:
         self._refiner, self._detector = refiner, detector
         self._parts = {part.name: part for part in parts}
         for part in parts:
-            refiner.onboard(part)
+            onboard_part(refiner, part)
 
     def refined(
         self, frame: CameraFrame, part_name: str, T_world_part: Float[np.ndarray, "4 4"]
@@ -50,7 +50,8 @@ class CloserLook:
         overlap, detection = max(seen, key=lambda pair: pair[0], default=(0.0, None))
         if detection is None or overlap < _LEAST_OVERLAP:
             return None
-        (refined,) = self._refiner.refine(frame, [detection], [(PoseHypothesis(T_camera_part, detection.score),)])
+        start_pose = PoseHypothesis(T_camera_part, detection.score)
+        (refined,) = validated_refinements(self._refiner, frame, [detection], [(start_pose,)])
         if not refined:
             return None
         T_refined = part.symmetries.closest_equivalent(refined[0].T_camera_part, T_camera_part)

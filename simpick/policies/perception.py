@@ -11,7 +11,12 @@ from jaxtyping import Bool
 
 from simpick.assets.part import Part
 from simpick.estimators.base import Detector, OnboardingDetector, PoseEstimator
-from simpick.estimators.boundary import validated_detections, validated_estimates, validated_foreground
+from simpick.estimators.boundary import (
+    onboard_part,
+    validated_detections,
+    validated_estimates,
+    validated_foreground,
+)
 from simpick.estimators.oracle import OracleEstimator
 from simpick.policies.resting_estimates import resting_estimates
 from simpick.records import CameraFrame, Detection, PoseEstimate
@@ -44,9 +49,9 @@ class Perception:
     def onboard(self, parts: Sequence[Part]) -> None:
         """Prepare the estimator for these parts, and the detector if it needs that."""
         for part in parts:
-            self.estimator.onboard(part)
+            onboard_part(self.estimator, part)
             if isinstance(self.detector, OnboardingDetector):
-                self.detector.onboard(part)
+                onboard_part(self.detector, part)
 
     def perceive(self, frame: CameraFrame, parts: Sequence[Part]) -> Percept:
         """Detect these parts in the frame and estimate their poses, all in one batch."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from simpick.assets.part import Part
 from simpick.errors import ConfigError
 from simpick.estimators.base import PoseEstimator
-from simpick.estimators.boundary import validated_estimates
+from simpick.estimators.boundary import onboard_part, validated_estimates
 from simpick.estimators.oracle import OracleEstimator
 from simpick.estimators.registry import ORACLE, EstimatorName, PoseBudget, load_estimator
 from simpick.pose_eval.pose_images import PoseImage
@@ -68,7 +68,7 @@ class EstimatorSource(PoseSource):
         """Onboard new parts."""
         for name in sorted({detection.part for detection in image.detections} - self._onboarding_s.keys()):
             start = time.perf_counter()
-            self._estimator.onboard(self._part_of(name))
+            onboard_part(self._estimator, self._part_of(name))
             self._onboarding_s[name] = time.perf_counter() - start
 
     def estimate(self, image: PoseImage) -> Sequence[PoseEstimate]:

@@ -1,6 +1,7 @@
 """The boundary of perception: no truth goes in, no wrong answer comes out."""
 
 import dataclasses
+import time
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,13 @@ import pytest
 
 from simpick.assets.library import get_part
 from simpick.errors import CheckpointError, PluginError
-from simpick.estimators.boundary import validated_detections, validated_estimates, validated_foreground
+from simpick.estimators.boundary import (
+    onboard_part,
+    validated_detections,
+    validated_estimates,
+    validated_foreground,
+    validated_refinements,
+)
 from simpick.estimators.segmentation_detector import SegmentationDetector
 from simpick.geometry import Pinhole
 from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
@@ -139,6 +146,9 @@ def test_a_wrong_foreground_is_named(answer, text: str) -> None:
         ({"T_camera_part": pose(scale=2.0)}, "got a matrix that is no rotation"),
         ({"T_camera_part": np.diag([1.0, 1.0, -1.0, 1.0])}, "got a matrix that is no rotation"),
         ({"T_camera_part": pose(distance_m=1e12)}, r"got a part 1e\+12 m away"),
+        ({"T_camera_part": None}, "got no array of floating-point numbers, but None"),
+        ({"part": "cube"}, "must be of its detection's part 'hex_nut', got 'cube'"),
+        ({"hypotheses": (PoseHypothesis(pose(), np.nan),)}, "scores of estimates must be finite, got nan"),
         ({"hypotheses": (PoseHypothesis(pose(scale=0.5), 1.0),)}, "got a matrix that is no rotation"),
         ({"score": np.inf}, "scores of estimates must be finite, got inf"),
         ({"detection": None}, "each estimate must answer one of the detections"),
@@ -150,13 +160,91 @@ def test_an_estimator_s_fault_is_named(changes: dict, text: str) -> None:
     assert "estimator tests.estimators.test_boundary.Estimates" in str(caught.value)
 
 
-def test_a_detection_is_answered_once() -> None:
-    class Twice(Estimates):
-        def estimate(self, frame, detections):
-            return super().estimate(frame, detections) * 2
+class Answers:
+    """Returns, or raises, whatever it was given."""
 
-    with pytest.raises(PluginError, match="each detection at most once"):
-        validated_estimates(Twice(), [FRAME], [[GOOD]])
+    def __init__(self, answer: Any) -> None:
+        self.answer = answer
+
+    def onboard(self, part):
+        self.estimate(None, [])
+
+    def estimate(self, frame, detections) -> Any:
+        if isinstance(self.answer, Exception):
+            raise self.answer
+        return self.answer
+
+    def refine(self, frame, detections, hypotheses) -> Any:
+        return self.estimate(frame, detections)
+
+
+ESTIMATE = PoseEstimate("hex_nut", pose(), 0.5, "mine", 0.0, detection=GOOD)
+
+
+@pytest.mark.parametrize(
+    ("answer", "text"),
+    [
+        (None, "a list of estimates must be returned, got NoneType"),
+        ([None], "estimates must be returned, got NoneType"),
+        ([ESTIMATE] * 50, "each detection at most once"),
+        (ZeroDivisionError("oh"), "test_boundary.Answers failed: ZeroDivisionError: oh"),
+    ],
+)
+def test_an_estimator_s_answer_of_another_kind_is_named(answer, text: str) -> None:
+    with pytest.raises(PluginError, match=text):
+        validated_estimates(Answers(answer), [FRAME], [[GOOD]])
+
+
+def test_a_batch_has_an_answer_per_frame() -> None:
+    class Batch(Answers):
+        def estimate_batch(self, frames, detections) -> Any:
+            return self.answer
+
+    for answer, text in ((None, "a list of estimates for each frame"), ([[ESTIMATE]], "of 2 frames must be returned")):
+        with pytest.raises(PluginError, match=text):
+            validated_estimates(Batch(answer), [FRAME, FRAME], [[GOOD], []])
+
+
+@pytest.mark.parametrize(
+    ("answer", "text"),
+    [
+        (None, "a list of refined hypotheses must be returned, got NoneType"),
+        ([], "hypotheses of 1 detections must be returned, got 0"),
+        ([None], "a tuple of hypotheses for each detection must be returned, got NoneType"),
+        ([(PoseHypothesis(pose(scale=2.0), 1.0),)], "got a matrix that is no rotation"),
+        (ZeroDivisionError("oh"), "the refiner tests.estimators.test_boundary.Answers failed: ZeroDivisionError: oh"),
+    ],
+)
+def test_a_refiner_s_fault_is_named(answer, text: str) -> None:
+    with pytest.raises(PluginError, match=text):
+        validated_refinements(Answers(answer), FRAME, [GOOD], [[PoseHypothesis(pose(), 1.0)]])
+
+
+def test_an_exception_in_onboard_is_named() -> None:
+    with pytest.raises(PluginError, match=r"plug-in tests\.estimators\.test_boundary\.Answers failed: OSError: full"):
+        onboard_part(Answers(OSError("full")), NUT)
+
+
+def test_no_answer_in_time_is_an_error_that_names_the_plug_in(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Hangs(Answers):
+        def detect(self, frame, parts) -> Any:
+            time.sleep(60)
+
+        def estimate(self, frame, detections):
+            while True:
+                pass
+
+    monkeypatch.setenv("SIMPICK_TIME_LIMIT_S", "0.05")
+    plugin = Hangs(None)
+    for role, ask in (
+        ("detector", lambda: validated_detections(plugin, FRAME, [NUT])),
+        ("estimator", lambda: validated_estimates(plugin, [FRAME], [[GOOD]])),
+        ("refiner", lambda: validated_refinements(plugin, FRAME, [GOOD], [[]])),
+        ("plug-in", lambda: onboard_part(plugin, NUT)),
+    ):
+        expected = rf"^the {role} .*Hangs gave no answer in 0\.05 s\. .* variable SIMPICK_TIME_LIMIT_S$"
+        with pytest.raises(PluginError, match=expected):
+            ask()
 
 
 def test_errors_that_are_meant_for_people_pass_unchanged() -> None:

@@ -11,7 +11,7 @@ from typing import cast
 
 import pytest
 
-from simpick.errors import ConfigError, UnknownNameError
+from simpick.errors import ConfigError, PluginError, UnknownNameError
 from simpick.estimators import PoseEstimator, plugins, registry
 from simpick.estimators.raypose import RayPoseEstimator, RayPoseEstimatorConfig
 from simpick.estimators.registry import EstimatorName, PoseBudget, estimator_names, find_estimator, load_estimator
@@ -28,6 +28,21 @@ class Telepathy:
         return []
 
 
+class Clairvoyance(Telepathy):
+    """One that makes hypotheses."""
+
+    def __init__(self, hypotheses: int = 1) -> None:
+        self.hypotheses = hypotheses
+
+
+def half() -> SimpleNamespace:
+    return SimpleNamespace(onboard=print)
+
+
+def none() -> None:
+    pass
+
+
 def config_of(estimator: PoseEstimator) -> RayPoseEstimatorConfig | RetrievalConfig:
     assert isinstance(estimator, RayPoseEstimator | RetrievalEstimator)
     return estimator.config
@@ -35,8 +50,15 @@ def config_of(estimator: PoseEstimator) -> RayPoseEstimatorConfig | RetrievalCon
 
 @pytest.fixture
 def registered(monkeypatch: pytest.MonkeyPatch) -> None:
-    entry = EntryPoint("telepathy", f"{__name__}:Telepathy", registry.ENTRY_POINT_GROUP)
-    monkeypatch.setattr(plugins, "entry_points", lambda group: [entry] if group == entry.group else [])
+    places = {
+        "telepathy": f"{__name__}:Telepathy",
+        "clairvoyance": f"{__name__}:Clairvoyance",
+        "half": f"{__name__}:half",
+        "none": f"{__name__}:none",
+        "gone": "no_such_package:Estimator",
+    }
+    entries = [EntryPoint(name, place, registry.ENTRY_POINT_GROUP) for name, place in places.items()]
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [e for e in entries if e.group == group])
 
 
 @pytest.mark.parametrize("text", ["retrieval", "retrieval@8", "my-own.one@64"])
@@ -75,8 +97,24 @@ def test_another_packages_estimator_is_found_by_its_entry_point(registered: None
     assert "telepathy" in estimator_names()
     assert isinstance(load_estimator("telepathy"), Telepathy)
     assert find_estimator("telepathy").data() == {}
-    with pytest.raises(ConfigError, match="'telepathy@4' comes from another package"):
+    with pytest.raises(ConfigError, match=r"'telepathy', .*Telepathy, takes no hypotheses; leave it out, or give"):
         load_estimator("telepathy@4")
+
+
+def test_another_packages_estimator_is_asked_for_hypotheses(registered: None) -> None:
+    estimator = load_estimator("clairvoyance@4")
+    assert isinstance(estimator, Clairvoyance) and estimator.hypotheses == 4
+    assert getattr(load_estimator("clairvoyance"), "hypotheses", None) == 1
+
+
+def test_what_is_no_estimator_is_refused_by_name(registered: None) -> None:
+    for name, text in (
+        ("half", r"'half', .*lacks estimate of PoseEstimator, got SimpleNamespace"),
+        ("none", r"'none', .*lacks onboard, estimate of PoseEstimator, got NoneType"),
+        ("gone", r"'gone', .* cannot be made: ModuleNotFoundError: No module named 'no_such_package'"),
+    ):
+        with pytest.raises(PluginError, match=text):
+            load_estimator(name)
 
 
 def test_data_name_the_package_that_registered_an_estimator() -> None:
