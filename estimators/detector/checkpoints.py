@@ -18,7 +18,7 @@ from simpick.estimators.detector.scores import MaskScore
 from simpick.estimators.raypose.strict_weights import check_weights
 
 FORMAT = "simpick-detector"
-VERSION = "1"
+VERSION = "2"
 """Raised when the same weights would mean something else."""
 SHIPPED_WEIGHTS = "detector.safetensors"
 

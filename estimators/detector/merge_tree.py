@@ -11,6 +11,9 @@ from jaxtyping import Bool, Float32, Int32
 from simpick.estimators.detector.agglomeration import RegionPairs, agglomerate, pair_regions
 from simpick.estimators.detector.superpixels import superpixels
 
+MAX_SUPERPIXELS = 2000
+"""An image of a full bin has some hundred. Of more than these, as noise gives, the largest count."""
+
 
 @dataclass(frozen=True)
 class Node:
@@ -62,7 +65,7 @@ def merge_tree(
     possible: float,
 ) -> MergeTree:
     """Return the tree of an image: merges above the affinity `certain` are made, those above `possible` are nodes."""
-    regions = superpixels(foreground, affinities)
+    regions = _largest(superpixels(foreground, affinities))
     count = int(regions.max(initial=0))
     pairs = pair_regions(regions, affinities)
     cells = np.bincount(regions.ravel(), minlength=count + 1)
@@ -85,3 +88,14 @@ def merge_tree(
     # Node numbers begin at 1, as superpixels do; entry 0 is never used.
     listed = (Node((), 0), *(nodes[k] for k in sorted(nodes)))
     return MergeTree(regions, pairs, listed, tuple(sorted(current.values())))
+
+
+def _largest(regions: Int32[np.ndarray, "h w"]) -> Int32[np.ndarray, "h w"]:
+    """Return at most `MAX_SUPERPIXELS` regions, numbered again; the cells of smaller ones are background."""
+    cells = np.bincount(regions.ravel())
+    if len(cells) - 1 <= MAX_SUPERPIXELS:
+        return regions
+    kept = 1 + np.sort(np.argsort(-cells[1:], kind="stable")[:MAX_SUPERPIXELS])
+    number = np.zeros(len(cells), np.int32)
+    number[kept] = np.arange(1, MAX_SUPERPIXELS + 1)
+    return number[regions]

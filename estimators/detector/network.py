@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional as F
@@ -14,19 +13,13 @@ from simpick.estimators.detector.encoder import OUTPUT_CHANNELS, EfficientNetLit
 
 PYRAMID_CHANNELS = 64
 FINE_CHANNELS = 32
-OFFSET_SCALE = 16.0
-"""Cells per unit of the predicted offsets to the centre."""
 
 
 @dataclass(frozen=True, eq=False)
 class CellMaps:
-    """What the network says of each cell of 2 x 2 px; all but the offsets are logits."""
+    """What the network says of each cell of 2 x 2 px, as logits."""
 
     foreground: Float[Tensor, "n h w"]
-    centre: Float[Tensor, "n h w"]
-    """Whether the middle of an instance's visible pixels lies here."""
-    to_centre: Float[Tensor, "n 2 h w"]
-    """(rows, columns) to that middle, in cells."""
     affinities: Float[Tensor, "n offsets h w"]
     """Whether the same instance covers the cell and its partner at `OFFSETS`."""
 
@@ -51,11 +44,7 @@ class InstanceNetwork(nn.Module):
         self.to_fine = nn.Conv2d(channels, 4 * FINE_CHANNELS, 1)
         self.fine_lateral = nn.Conv2d(OUTPUT_CHANNELS[0], FINE_CHANNELS, 1)
         self.fine = _conv(FINE_CHANNELS, FINE_CHANNELS)
-        self.maps = nn.Conv2d(FINE_CHANNELS, 4, 1)
-        with torch.no_grad():
-            # Few cells are centres: without this the first steps learn nothing but that.
-            self.maps.bias[1] = -5.0  # pyright: ignore[reportOptionalSubscript]
-        # Whether far cells belong together needs context more than detail.
+        self.foreground = nn.Conv2d(FINE_CHANNELS, 1, 1)
         self.affinities = nn.Conv2d(FINE_CHANNELS, len(OFFSETS), 1)
 
     def forward(self, rgb: Float[Tensor, "n 3 height width"]) -> CellMaps:
@@ -68,5 +57,4 @@ class InstanceNetwork(nn.Module):
         x = self.context(x)
         x = F.pixel_shuffle(self.to_fine(x), 2) + self.fine_lateral(finest)
         x = self.fine(F.relu(x))
-        maps, affinities = self.maps(x), self.affinities(x)
-        return CellMaps(maps[:, 0], maps[:, 1], OFFSET_SCALE * maps[:, 2:4], affinities)
+        return CellMaps(self.foreground(x)[:, 0], self.affinities(x))

@@ -21,8 +21,8 @@ _NO_LIMIT = "(default: no limit)"
 class TrainDetector:
     """Train the instance detector on bins of random parts.
 
-    The bins are simulated and rendered before training, 2 to 5 CPU seconds each, and kept; library parts are never
-    used.
+    Bins are simulated and rendered, 2 to 5 CPU seconds each, and kept; training begins when the first are ready.
+    Library parts are never used.
 
     Ctrl-C saves the state: the same command resumes, also with more time. The folder then holds weights.safetensors
     and log.jsonl.

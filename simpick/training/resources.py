@@ -19,8 +19,8 @@ class Resources(Config):
     """Where the network runs: cuda, cpu, or auto for CUDA where there is a GPU."""
     renderers: NonNegativeInt = 1
     """Processes that render data; 0 renders in the training process."""
-    loaders: NonNegativeInt = 1
-    """Threads that assemble batches."""
+    loaders: NonNegativeInt = 0
+    """Processes that prepare batches; 0 prepares them in the training process."""
     threads: NonNegativeInt = 0
     """Threads of torch on the CPU; 0 leaves torch's default."""
     validate_every_s: NonNegativeFloat = 300.0

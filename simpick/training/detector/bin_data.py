@@ -17,13 +17,13 @@ from simpick.geometry import Pinhole, look_at, so3_exp, transform
 from simpick.rendering import SceneRenderer, Viewpoint, measure_instance
 from simpick.scene import Scene
 from simpick.scene.config import MAX_PARTS
-from simpick.scene.randomization import RANDOMIZATIONS, draw_look
+from simpick.scene.randomization import RANDOMIZATIONS, Look, draw_look
 from simpick.scene.relighting import relight
 from simpick.scene.workspace import BIN_CENTRE_M
 from simpick.training.data.data_config import DataConfig, Split
 from simpick.training.data.random_bins import random_bin, random_part_seed
 
-VERSION = 1
+VERSION = 2
 """Raised when the same configuration would give other images."""
 _BINS_PER_POOL = 20
 """Bins in a row whose other parts come from one pool: making a part costs as much as dropping it."""
@@ -58,19 +58,22 @@ class BinDataConfig(Config):
     """Vertical field of view."""
     tilt_deg: Annotated[float, Interval(ge=0, le=80)] = 10.0
     """Largest angle between the optical axis and the vertical."""
-    strong_share: Fraction = 0.5
-    """Share of views in the look `strong`; the others have the look `default`."""
+    strong_share: Fraction = 0.3
+    """Share of views in the look `strong`."""
+    photo_share: Fraction = 0.35
+    """Share of views in the look `photo`; what is left has the look `default`."""
+    one_tint_share: Fraction = 0.5
+    """Share of views in which equal parts have equal colours, whatever the look."""
     width_px: _Pixels = 640
     """Image width."""
     height_px: _Pixels = 480
     """Image height."""
 
     def _check_rules(self) -> None:
-        if self.homogeneous_share + self.crowd_share > 1:
-            raise ConfigError(
-                "homogeneous_share and crowd_share must not exceed 1 in sum, "
-                f"got {self.homogeneous_share} and {self.crowd_share}"
-            )
+        for first, second in (("homogeneous_share", "crowd_share"), ("strong_share", "photo_share")):
+            shares = getattr(self, first), getattr(self, second)
+            if sum(shares) > 1:
+                raise ConfigError(f"{first} and {second} must not exceed 1 in sum, got {shares[0]} and {shares[1]}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +83,8 @@ class BinImage:
     rgb: UInt8[np.ndarray, "height width 3"]
     ids: UInt8[np.ndarray, "height width"]
     """Number of the instance in each pixel, from 1; 0 is background."""
-    fractions: Float[np.ndarray, "instances"]
-    """Visible share of the silhouette of instance k + 1; 0 where it is not seen."""
+    fractions: Float[np.ndarray, "instances"] | None
+    """Visible share of the silhouette of instance k + 1, 0 where it is not seen; None in training, which needs none."""
 
 
 def make_bin(config: BinDataConfig, index: int, split: Split) -> list[BinImage]:
@@ -98,11 +101,18 @@ def make_bin(config: BinDataConfig, index: int, split: Split) -> list[BinImage]:
     images = []
     with SceneRenderer(scene) as renderer:
         for _ in range(config.views):
-            preset = RANDOMIZATIONS["strong" if rng.random() < config.strong_share else "default"]
-            relight(scene, draw_look(preset, len(scene.instances), rng))
+            relight(scene, _look(config, len(scene.instances), rng))
             renderer.renderer.upload_textures()
-            images.append(_capture(renderer, _viewpoint(config, rng)))
+            images.append(_capture(renderer, _viewpoint(config, rng), measured=split == "validation"))
     return images
+
+
+def _look(config: BinDataConfig, count: int, rng: np.random.Generator) -> Look:
+    kind = rng.random()
+    photo = config.strong_share + config.photo_share
+    preset = "strong" if kind < config.strong_share else "photo" if kind < photo else "default"
+    look = draw_look(RANDOMIZATIONS[preset], count, rng)
+    return replace(look, tints=look.tints[:1] * count) if rng.random() < config.one_tint_share else look
 
 
 def _scene(config: BinDataConfig, index: int, rng: np.random.Generator, split: Split) -> Scene:
@@ -136,13 +146,16 @@ def _viewpoint(config: BinDataConfig, rng: np.random.Generator) -> Viewpoint:
     return Viewpoint(camera, look_at(eye, aim) @ transform(so3_exp(roll * np.array([0.0, 0.0, 1.0]))))
 
 
-def _capture(renderer: SceneRenderer, viewpoint: Viewpoint) -> BinImage:
+def _capture(renderer: SceneRenderer, viewpoint: Viewpoint, measured: bool) -> BinImage:
     frame = renderer.capture(viewpoint, depth=False)
     assert frame.instances is not None
+    ids = (frame.instances + 1).astype(np.uint8)
+    if not measured:
+        return BinImage(frame.rgb, ids, None)
     count = int(renderer.scene.instance_of_geom.max()) + 1
     seen = np.bincount(frame.instances[frame.instances >= 0], minlength=count)
     fractions = np.zeros(count, np.float32)
     for k in np.flatnonzero(seen):
-        measured = measure_instance(renderer, int(k), int(seen[k]), frame.camera, frame.T_world_camera)
-        fractions[k] = measured.fraction if measured is not None else 0.0
-    return BinImage(frame.rgb, (frame.instances + 1).astype(np.uint8), fractions)
+        instance = measure_instance(renderer, int(k), int(seen[k]), frame.camera, frame.T_world_camera)
+        fractions[k] = instance.fraction if instance is not None else 0.0
+    return BinImage(frame.rgb, ids, fractions)

@@ -51,8 +51,6 @@ class LossWeights(Config):
 
     foreground: NonNegativeFloat = 1.0
     affinity: NonNegativeFloat = 4.0
-    centre: NonNegativeFloat = 0.1
-    to_centre: NonNegativeFloat = 0.1
 
 
 @dataclass(frozen=True)
@@ -63,10 +61,14 @@ class DetectorTrainConfig(WarmupAndDecay, Config):
     """Of weights and of the order of the data; the data itself has its own."""
     bins: PositiveInt = 700
     """Bins of random parts that crops are taken from."""
-    curved_bins: NonNegativeInt = 200
+    curved_bins: NonNegativeInt = 350
     """Bins of random bent parts that crops are taken from besides."""
+    min_ready_bins: PositiveInt = 200
+    """Training begins with so many bins; the others are made meanwhile."""
     batch: PositiveInt = 8
     """Crops per step."""
+    crops_per_view: PositiveInt = 4
+    """Crops of each view that a step reads, the last of a batch excepted."""
     learning_rate: PositiveFloat = 1.5e-3
     """Of AdamW, after the warm-up and before the decay."""
     encoder_rate: Fraction = 0.25

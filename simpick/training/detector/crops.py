@@ -21,32 +21,26 @@ class Crop:
     rgb: UInt8[np.ndarray, "size size 3"]
     ids: UInt8[np.ndarray, "cells cells"]
     """Instance in each cell, from 1; 0 is background."""
-    centres: Float[np.ndarray, "instances 2"]
-    """(row, column) of the middle of each instance's visible pixels, in cells; it may lie outside the crop. Entry k
-    is that of instance k + 1."""
 
 
 def draw_crop(image: BinImage, config: CropConfig, rng: np.random.Generator) -> Crop:
     """Return a random crop around a random instance."""
     matrix = _crop_from_image(image, config, rng)
     size = config.size_px
-    blank = tuple(int(v) for v in image.rgb.mean(axis=(0, 1)))
+    blank = cv2.mean(image.rgb)
     rgb = cv2.warpAffine(image.rgb, matrix, (size, size), flags=cv2.INTER_LINEAR, borderValue=blank)
     # Cells' middles lie between pixels: in coordinates of pixel centres, cell (i, j) is at STRIDE * i + 0.5.
     cells = size // STRIDE
     to_cells = np.array([[1 / STRIDE, 0, -0.5 / STRIDE], [0, 1 / STRIDE, -0.5 / STRIDE], [0, 0, 1]])
     cell_matrix = (to_cells @ np.vstack([matrix, [0, 0, 1]]))[:2]
     ids = cv2.warpAffine(image.ids, cell_matrix, (cells, cells), flags=cv2.INTER_NEAREST, borderValue=(0,))
-    centres = _centres(image.ids, len(image.fractions))
-    moved = centres[:, ::-1] @ cell_matrix[:, :2].T + cell_matrix[:, 2]
-    return Crop(apply_camera_effects(rgb, config.effects, rng), ids, moved[:, ::-1].astype(np.float32))
+    return Crop(apply_camera_effects(rgb, config.effects, rng), ids)
 
 
 def _crop_from_image(image: BinImage, config: CropConfig, rng: np.random.Generator) -> Float[np.ndarray, "2 3"]:
-    rows, columns = np.nonzero(image.ids)
-    if len(rows):
-        k = rng.integers(len(rows))
-        aim = np.array([columns[k], rows[k]], float)
+    shown = cv2.findNonZero(image.ids)
+    if shown is not None:
+        aim = shown.reshape(-1, 2)[int(rng.integers(len(shown)))].astype(float)
     else:
         aim = rng.random(2) * image.ids.shape[::-1]
     angle = rng.uniform(0, 2 * np.pi) if rng.random() < 0.5 else np.pi / 2 * rng.integers(4)
@@ -56,12 +50,3 @@ def _crop_from_image(image: BinImage, config: CropConfig, rng: np.random.Generat
         linear[:, 0] *= -1
     target = config.size_px * rng.uniform(0.25, 0.75, size=2)
     return np.column_stack([linear, target - linear @ aim])
-
-
-def _centres(ids: UInt8[np.ndarray, "height width"], count: int) -> Float[np.ndarray, "instances 2"]:
-    """Return the mean (row, column) of each instance's pixels, (0, 0) where it has none."""
-    rows, columns = np.nonzero(ids)
-    numbers = ids[rows, columns].astype(np.int64) - 1
-    sizes = np.maximum(np.bincount(numbers, minlength=count), 1)
-    sums = [np.bincount(numbers, weights=values, minlength=count) for values in (rows, columns)]
-    return np.stack(sums, axis=1) / sizes[:, None]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float, UInt8
 from torch import Tensor
 from torch.nn import functional as F
 
@@ -22,8 +22,6 @@ def loss_terms(maps: CellMaps, batch: CropBatch) -> dict[str, Float[Tensor, ""]]
     return {
         "foreground": F.binary_cross_entropy_with_logits(maps.foreground.float(), is_part),
         "affinity": affinity_loss(maps.affinities.float(), batch.ids, weights),
-        "centre": centre_loss(maps.centre.float(), batch.centre),
-        "to_centre": to_centre_loss(maps.to_centre.float(), batch.to_centre, weights),
     }
 
 
@@ -32,17 +30,17 @@ def weighted_sum(terms: dict[str, Float[Tensor, ""]], weights: LossWeights) -> F
     return torch.stack([getattr(weights, name) * value for name, value in terms.items()]).sum()
 
 
-def cell_weights(ids: Int[Tensor, "n h w"]) -> Float[Tensor, "n h w"]:
+def cell_weights(ids: UInt8[Tensor, "n h w"]) -> Float[Tensor, "n h w"]:
     """Return weights by which small instances count more than their cells do, and 0 in the background."""
     n = len(ids)
-    keys = ids + 256 * torch.arange(n, device=ids.device)[:, None, None]
+    keys = ids.long() + 256 * torch.arange(n, device=ids.device)[:, None, None]
     areas = torch.bincount(keys.flatten(), minlength=256 * n).float()
     weights = (_TYPICAL_CELLS / areas.clamp_min(1)).sqrt().clamp(0.5, 3.0)[keys]
     return weights * (ids > 0)
 
 
 def affinity_loss(
-    logits: Float[Tensor, "n offsets h w"], ids: Int[Tensor, "n h w"], weights: Float[Tensor, "n h w"]
+    logits: Float[Tensor, "n offsets h w"], ids: UInt8[Tensor, "n h w"], weights: Float[Tensor, "n h w"]
 ) -> Float[Tensor, ""]:
     """Return the mean cross-entropy of pairs whose first cell shows a part and whose second lies in the crop."""
     height, width = ids.shape[1:]
@@ -57,20 +55,3 @@ def affinity_loss(
         total = total + (losses * weight).sum()
         count = count + weight.sum()
     return total / count.clamp_min(1)
-
-
-def centre_loss(logits: Float[Tensor, "n h w"], target: Float[Tensor, "n h w"]) -> Float[Tensor, ""]:
-    """Return the penalty-reduced focal loss of CenterNet (Zhou et al. 2019, equation 1)."""
-    p = logits.sigmoid().clamp(1e-4, 1 - 1e-4)
-    is_peak = target > 0.95
-    positive = ((1 - p) ** 2 * -p.log())[is_peak].sum()
-    negative = ((1 - target) ** 4 * p**2 * -(1 - p).log())[~is_peak].sum()
-    return (positive + negative) / is_peak.sum().clamp_min(1)
-
-
-def to_centre_loss(
-    predicted: Float[Tensor, "n 2 h w"], target: Float[Tensor, "n 2 h w"], weights: Float[Tensor, "n h w"]
-) -> Float[Tensor, ""]:
-    """Return the mean absolute error in units of 16 cells."""
-    error = (predicted - target).abs().sum(dim=1) / 16.0
-    return (error * weights).sum() / weights.sum().clamp_min(1)

@@ -14,7 +14,7 @@ class DetectorProgress(TrainProgress):
 
     def figures(self, row: dict[str, Any]) -> str:
         """Return the figures of one row of training."""
-        return f"loss {row['loss']:.3f} · {row['crops_per_s']:.1f} crops/s"
+        return f"loss {row['loss']:.3f} · {row['crops_per_s']:.1f} crops/s · {row['bins']} bins"
 
     def validation_line(self, row: dict[str, Any]) -> str:
         """Return one validation's figures as a line."""

@@ -15,8 +15,8 @@ from simpick.estimators.detector.checkpoints import load_detector_checkpoint, sa
 from simpick.estimators.detector.encoder import load_imagenet_weights
 from simpick.estimators.detector.network import InstanceNetwork
 from simpick.training.budget import Budget
-from simpick.training.detector.batches import CropBatch, CropBatches
-from simpick.training.detector.bin_files import ensure_training_bins
+from simpick.training.detector.batches import CropBatch, crop_batches
+from simpick.training.detector.bin_supply import BinSupply
 from simpick.training.detector.config import DetectorTrainConfig
 from simpick.training.detector.losses import loss_terms, weighted_sum
 from simpick.training.detector.validation import DetectorValidation
@@ -42,9 +42,10 @@ def train_detector(
 ) -> Path:
     """Train the detector until the budget is spent and return the file of its weights.
 
-    A folder that holds a run of the same configuration resumes where that stopped. Bins are made before training, as
-    far as they are missing, in `Resources.shards` or the run's own folder. `imagenet_weights` are those of the encoder
-    (see `load_imagenet_weights`), `start_from` those of a whole detector; without either, all weights are random.
+    A folder that holds a run of the same configuration resumes where that stopped. Bins that are missing are made in
+    `Resources.shards` or the run's own folder, all but the first `min_ready_bins` of them during training: once all are
+    there, a step's batch follows from the seed alone. `imagenet_weights` are those of the encoder (see
+    `load_imagenet_weights`), `start_from` those of a whole detector; without either, all weights are random.
 
     Raises:
         OutputError: the folder holds another run, or cannot be written.
@@ -57,6 +58,8 @@ def train_detector(
         torch.set_num_threads(resources.threads)
     name = resources.device
     device = torch.device(("cuda" if torch.cuda.is_available() else "cpu") if name == "auto" else name)
+    # All crops have one size, so that the fastest convolutions need to be found once only.
+    torch.backends.cudnn.benchmark = device.type == "cuda"
     run = TrainingFolder(folder, {"training": asdict(config)})
     saved = run.load_state()
     state = _start(config, device, *((None, None) if saved else (imagenet_weights, start_from)))
@@ -108,26 +111,29 @@ class _Trainer:
         if self._progress() >= 1 and self.run_folder.weights.exists():
             return
         folder = self.resources.shards or self.run_folder.shards
-        with GracefulStop() as graceful_stop:
-            config, workers = self.config, self.resources.renderers
-            files = ensure_training_bins(folder, config, "train", workers, graceful_stop)
-            held_out = ensure_training_bins(folder, config, "validation", workers, graceful_stop)
-            batches = CropBatches(self.config, files, self.resources.loaders)
-            try:
-                self._loop(batches, DetectorValidation(held_out), graceful_stop)
-            finally:
-                batches.close()
+        with GracefulStop() as graceful_stop, BinSupply(folder, self.config, self.resources.renderers) as bins:
+            bins.wait(graceful_stop)
+            self._loop(bins, DetectorValidation(bins.held_out()), graceful_stop)
 
-    def _loop(self, batches: CropBatches, validation: DetectorValidation, graceful_stop: GracefulStop) -> None:
+    def _loop(self, bins: BinSupply, validation: DetectorValidation, graceful_stop: GracefulStop) -> None:
+        is_cuda = self.device.type == "cuda"
+        batches = crop_batches(self.config, bins.train, self.state.step, self.resources.loaders, pinned=is_cuda)
         last = time.perf_counter()
         validated_s = self.state.seconds
         while self._progress() < 1 and not graceful_stop.requested:
-            self._step(batches.get(self.state.step))
+            try:
+                batch = next(batches)
+            except RuntimeError:
+                # A loader that was still starting when all processes were asked to stop.
+                if graceful_stop.requested:
+                    break
+                raise
+            self._step(batch)
             now = time.perf_counter()
             self.state.seconds += now - last
             last = now
             if self.state.step % LOG_STEPS == 0:
-                self._log()
+                self._log(bins)
             if self.state.seconds - validated_s >= self.resources.validate_every_s:
                 validated_s = self.state.seconds
                 self._validate(validation)
@@ -153,11 +159,12 @@ class _Trainer:
             self.sums[name] = self.sums.get(name, 0.0) + float(value.detach())
         self.counted += 1
 
-    def _log(self) -> None:
+    def _log(self, bins: BinSupply) -> None:
         means = {name: round(value / self.counted, 4) for name, value in self.sums.items()}
         self.sums, self.counted = {}, 0
         rate = self.state.step * self.config.batch / max(self.state.seconds, 1e-9)
-        self._row("train", {**means, "crops_per_s": round(rate, 2)})
+        counts = {"bins": len(bins.train()), "bins_left_out": bins.left_out}
+        self._row("train", {**means, "crops_per_s": round(rate, 2), **counts})
 
     def _validate(self, validation: DetectorValidation) -> None:
         # The state first: a decoder that fails must not cost what was learned.

@@ -38,6 +38,7 @@ class DetectorValidation:
 
 def compare_with_truth(found: SegmentedImage, image: BinImage) -> MaskOverlaps:
     """Return how the masks that were found overlap the true ones."""
+    assert image.fractions is not None
     seen = np.unique(image.ids[image.ids > 0]).astype(int)
     shape = image.ids.shape
     return mask_overlaps(

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from simpick.estimators.detector.affinities import OFFSETS
 from simpick.estimators.detector.agglomeration import RegionPairs, agglomerate, pair_regions
 from simpick.estimators.detector.decoding import DecodingConfig, full_mask, label_nodes
-from simpick.estimators.detector.merge_tree import MergeTree, merge_tree
+from simpick.estimators.detector.merge_tree import MAX_SUPERPIXELS, MergeTree, merge_tree
 from simpick.estimators.detector.superpixels import superpixels
 from tests.estimators.detector.ideal_maps import ideal_maps
 
@@ -124,3 +125,12 @@ def test_full_masks_have_the_image_size_and_do_not_overlap() -> None:
     assert [mask.shape for mask in masks] == [(47, 63)] * 2
     assert not (masks[0] & masks[1]).any()
     assert masks[0].sum() == pytest.approx(8 * 16 * 4, rel=0.05)
+
+
+def test_noise_has_no_more_superpixels_than_the_limit() -> None:
+    """Merging takes time with the square of their number."""
+    rng = np.random.default_rng(0)
+    affinities = rng.random((len(OFFSETS), 160, 200)).astype(np.float32)
+    tree = merge_tree(np.ones((160, 200), bool), affinities, certain=0.7, possible=0.6)
+    assert tree.regions.max() == MAX_SUPERPIXELS
+    assert np.unique(tree.regions).tolist() == list(range(MAX_SUPERPIXELS + 1))

@@ -29,8 +29,7 @@ def test_the_encoder_returns_features_at_five_strides() -> None:
 
 def test_each_cell_of_two_pixels_has_every_map(network: InstanceNetwork) -> None:
     maps = network(torch.zeros(2, 3, 64, 96))
-    assert maps.foreground.shape == maps.centre.shape == (2, 32, 48)
-    assert maps.to_centre.shape == (2, 2, 32, 48)
+    assert maps.foreground.shape == (2, 32, 48)
     assert maps.affinities.shape == (2, len(OFFSETS), 32, 48)
 
 

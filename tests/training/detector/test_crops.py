@@ -39,19 +39,6 @@ def test_pixels_and_cells_show_the_same_instance(image: BinImage, seed: int) -> 
         assert agreement > 0.95
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_offsets_lead_to_the_centre_of_the_visible_pixels(image: BinImage, seed: int) -> None:
-    crop = draw_crop(image, PLAIN, np.random.default_rng(seed))
-    batch = collate([crop])
-    rows, columns = np.nonzero(crop.ids == 1)
-    if len(rows):
-        ends = batch.to_centre[0, :, rows, columns].numpy() + np.stack([rows, columns])
-        np.testing.assert_allclose(ends.T - crop.centres[0], 0, atol=1e-3)
-    inside = len(rows) and crop.ids[0].max() == crop.ids[-1].max() == 0 and crop.ids[:, [0, -1]].max() == 0
-    if inside:
-        np.testing.assert_allclose([rows.mean(), columns.mean()], crop.centres[0], atol=1.0)
-
-
 def test_the_same_generator_gives_the_same_crop(image: BinImage) -> None:
     first, second = (draw_crop(image, CropConfig(size_px=64), np.random.default_rng(4)) for _ in range(2))
     np.testing.assert_array_equal(first.rgb, second.rgb)
@@ -61,12 +48,9 @@ def test_the_same_generator_gives_the_same_crop(image: BinImage) -> None:
 def test_perfect_maps_have_next_to_no_loss_and_reversed_ones_have_much(image: BinImage) -> None:
     batch = collate([draw_crop(image, PLAIN, np.random.default_rng(1))])
     foreground, affinities = (torch.from_numpy(x)[None] for x in ideal_maps(batch.ids[0].numpy()))
-    centre = torch.where(batch.centre > 0.95, 12.0, -12.0)
 
     def loss(sign: float) -> float:
-        maps = CellMaps(
-            sign * (24 * foreground - 12), sign * centre, sign * batch.to_centre, sign * (24 * affinities - 12)
-        )
+        maps = CellMaps(sign * (24 * foreground - 12), sign * (24 * affinities - 12))
         return float(weighted_sum(loss_terms(maps, batch), LossWeights()))
 
     assert loss(1.0) < 0.01
