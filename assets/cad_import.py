@@ -88,6 +88,7 @@ def import_cad(path: str | Path, settings: CadSettings | None = None, *, name: s
         density_kg_m3=settings.density_kg_m3,
         material=Material(settings.rgb),
         T_cad_part=transform(None, centre),
+        metres_per_cad_unit=choice.metres_per_unit,
     )
     notes = [choice.note, *notes, f"{path.name}: symmetry: {describe_symmetry(symmetries)}"]
     for note in notes:

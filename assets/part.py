@@ -38,7 +38,10 @@ class Part:
     density_kg_m3: float = 1200.0
     material: Material = Material()
     T_cad_part: Float[np.ndarray, "4 4"] = field(default_factory=lambda: np.eye(4))
-    """Leads from the part frame to the frame of the CAD file."""
+    """Leads from the part frame to the frame of the CAD file, in metres: ``T_camera_cad = T_camera_part @
+    invert(T_cad_part)``."""
+    metres_per_cad_unit: float = 1.0
+    """Unit of the CAD file's coordinates: 0.001 for millimetres."""
 
     def __post_init__(self) -> None:
         centre = self.mesh.bounds.mean(axis=0)

@@ -68,6 +68,8 @@ class EstimatorSpec(Plugin):
 
     make: Callable[[int | None, PoseBudget], PoseEstimator]
     """Takes the number of hypotheses, None for the default. Imports heavy libraries itself."""
+    gives_probabilities: bool = False
+    """Whether scores are probabilities that a pose is good enough to pick by."""
     takes_budget: bool = False
 
 
@@ -107,10 +109,14 @@ def _confidence() -> Path:
 
 SHIPPED: dict[str, EstimatorSpec] = {
     "retrieval": EstimatorSpec(_retrieval),
-    "retrieval_refined": EstimatorSpec(partial(_refined, "retrieval_refined", _retrieval), files=(_confidence,)),
+    "retrieval_refined": EstimatorSpec(
+        partial(_refined, "retrieval_refined", _retrieval), files=(_confidence,), gives_probabilities=True
+    ),
     "coarse": EstimatorSpec(partial(_raypose, "coarse"), files=(_weights,), takes_budget=True),
     "fine": EstimatorSpec(partial(_raypose, "fine"), files=(_weights,), takes_budget=True),
-    "refined": EstimatorSpec(partial(_refined, "refined", partial(_raypose, "fine")), files=(_weights, _confidence)),
+    "refined": EstimatorSpec(
+        partial(_refined, "refined", partial(_raypose, "fine")), files=(_weights, _confidence), gives_probabilities=True
+    ),
 }
 """The estimators that ship with simpick and work from images alone, by name."""
 

@@ -9,6 +9,7 @@ Public names, each loaded with its libraries on first use:
 `Perception`         a detector and a pose estimator, which together find parts in an image
 `PickPolicy`         perception, the choice of a grasp, and memory of failures: from an observation to an action
 `run_episode`        let a policy pick one bin empty; returns every pick with its outcome and cause
+`estimate`           poses of CAD parts in a photograph, in the frame of the CAD file
 `compare`            let several perception modes pick the same bins; returns paired statistics
 ===================  ==================================================================================================
 

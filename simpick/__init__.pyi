@@ -3,6 +3,7 @@ from .envs import BinPickEnv as BinPickEnv
 from .estimators import load_estimator as load_estimator
 from .experiments import compare as compare
 from .experiments import run_episode as run_episode
+from .photos import estimate as estimate
 from .policies import Perception as Perception
 from .policies import PickPolicy as PickPolicy
 

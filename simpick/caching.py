@@ -101,11 +101,27 @@ def cached_arrays(
 
     Any number of processes may ask at once. Raises `OutputError` where the cache cannot be written.
     """
+    for used in _watchers:
+        used.append(path)
     arrays = stored_arrays(path, names)
     if arrays is None:
         arrays = dict(make())
         write_arrays(path, arrays)
     return arrays
+
+
+_watchers: list[list[Path]] = []
+
+
+@contextmanager
+def files_used() -> Iterator[list[Path]]:
+    """Yield a list of the files that `cached_arrays` is asked for meanwhile, in this process."""
+    used: list[Path] = []
+    _watchers.append(used)
+    try:
+        yield used
+    finally:
+        _watchers.remove(used)
 
 
 @contextmanager

@@ -70,6 +70,14 @@ class SimulationFaultError(SceneError):
     """The physics diverged: NaN, or impossible speeds. The scene cannot be used any more."""
 
 
+class CameraFileError(SimpickError, ValueError):
+    """A camera's calibration cannot be read, or belongs to other images; the message names file and key."""
+
+
+class ImageFileError(SimpickError, ValueError):
+    """An image or a video cannot be read, or is of a kind that poses cannot be estimated in."""
+
+
 class DatasetError(SimpickError, ValueError):
     """A data set on disk does not follow its format; the message names file, line or key."""
 

@@ -53,6 +53,7 @@ class PoseEstimate:
 
     part: str
     T_camera_part: Float[np.ndarray, "4 4"]
+    """Of the centred part frame; for the CAD file's: ``T_camera_part @ invert(Part.T_cad_part)``."""
     score: float
     mode: str
     """Name of the estimator, such as ``oracle``, ``retrieval`` or ``fine``."""

@@ -34,6 +34,8 @@ SLOW = (
     "motion/test_executor.py",
     "motion/test_trajectory.py",
     "policies/",
+    "photos/test_estimate.py",
+    "photos/test_onboarding_file.py",
     "pose_eval/test_benchmark.py",
     "project/test_packaging.py",
     "project/test_public_api.py",

@@ -145,15 +145,20 @@ def check_rigid(T_model_part: Float[np.ndarray, "4 4"], name: str) -> None:
         )
 
 
-def _check_size(u: float, v: float, what: str) -> None:
-    """Raise `DatasetError` if the principal point, as fractions of width and height, implies another image size.
+def principal_point_contradicts(u: float, v: float) -> bool:
+    """Return whether a principal point, as fractions of width and height, implies another image size.
 
-    Crops move the principal point, so only two cases are refused: a point at the border or beyond, and one that is
-    off centre by the same large factor in both directions, as when images were resized without their ``cam_K``.
+    Crops move the principal point, so only two cases count: a point at the border or beyond, and one that is off centre
+    by the same large factor in both directions, as when images were resized without their camera matrix.
     """
     at_border = not (0.02 < u < 0.98 and 0.02 < v < 0.98)
     resized = abs(u - v) < 0.03 and not 0.3 < (u + v) / 2 < 0.7
-    if at_border or resized:
+    return at_border or resized
+
+
+def _check_size(u: float, v: float, what: str) -> None:
+    """Raise `DatasetError` if the principal point implies another image size."""
+    if principal_point_contradicts(u, v):
         raise DatasetError(
             f"{what}: they do not belong together. If the images were resized, scale fx, fy, cx and cy by the same "
             "factor; if they were cropped, subtract the crop's corner from cx and cy."

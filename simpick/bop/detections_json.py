@@ -61,6 +61,11 @@ def read_detections(path: Path) -> list[BopDetection]:
     )
     if not isinstance(entries, list):
         raise DatasetError(f"{path}: expected a list of detections, got a {type(entries).__name__}.")
+    return parse_detections(entries, path)
+
+
+def parse_detections(entries: list[Any], path: Path) -> list[BopDetection]:
+    """Return the detections of a file's list; `path` names it in errors. Raises `DatasetError`."""
     return [_parse(entry, f"{path}, entry {k}") for k, entry in enumerate(entries)]
 
 

@@ -140,7 +140,15 @@ class BopModels:
                 f"{path}: the mesh is flat or degenerate and has no convex hull; check the model."
             ) from error
         symmetries = symmetries_from_bop(entry, T_model_part, self._where(obj_id))
-        return Part(self._names[obj_id], shape, (hull,), symmetries, material=material, T_cad_part=T_model_part)
+        return Part(
+            self._names[obj_id],
+            shape,
+            (hull,),
+            symmetries,
+            material=material,
+            T_cad_part=T_model_part,
+            metres_per_cad_unit=1 / MM_PER_M,
+        )
 
     def _where(self, obj_id: int) -> str:
         return f"{self.folder / 'models_info.json'}, object {obj_id}"

@@ -13,6 +13,7 @@ from annotated_types import Interval
 from simpick.assets.units import Unit
 from simpick.cli.outputs import check_image, write_image
 from simpick.config import Config, Fraction, PositiveFloat, PositiveInt
+from simpick.errors import OutputError
 
 if TYPE_CHECKING:
     from simpick.assets.part import Part
@@ -131,6 +132,43 @@ class PartsRemove:
 
         folder = remove_user_part(self.name)
         print(f"removed {self.name!r} with its copy of the CAD file in {folder}")
+        return 0
+
+
+@dataclass(frozen=True)
+class PartsOnboard(Config):
+    """Save a part and its templates to a file, for machines without OpenGL.
+
+    ``simpick estimate --part FILE`` and ``simpick.estimate`` take the file; depth is computed by Embree there (pip
+    install embreex). Both machines need the same versions of simpick, MuJoCo and torch.
+    """
+
+    part: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="PART")]
+    """A part's name, or a path to a mesh file."""
+    out: Path
+    """The file to write, named .simpick."""
+    mode: str = "refined"
+    """The estimator that the part is onboarded at: retrieval, coarse, fine, refined or retrieval_refined."""
+    detections: str = "learned"
+    """The detector that the part is onboarded at."""
+    unit: Unit = "auto"
+    """Unit of a mesh file; auto chooses by plausible size."""
+    overwrite: bool = False
+    """Replace the file if it exists."""
+
+    def run(self) -> int:
+        """Onboard the part and write the file."""
+        from simpick.estimators.detections import find_detector
+        from simpick.estimators.registry import load_estimator
+        from simpick.photos import save_onboarding
+        from simpick.photos.parts import load_parts
+
+        if self.out.exists() and not self.overwrite:
+            raise OutputError(f"{self.out} exists already. Choose another file with --out, or pass --overwrite.")
+        (part,) = load_parts([self.part], self.unit)
+        plugins = [load_estimator(self.mode), find_detector(self.detections).make()]
+        save_onboarding(self.out, part, plugins)
+        print(f"wrote {self.out}: {part.name}, {self.out.stat().st_size / 1e6:.1f} MB")
         return 0
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -15,7 +16,6 @@ from simpick.errors import UnknownNameError
 from simpick.geometry.transforms import quaternion_from_matrix, transform_points
 from simpick.recording.blueprint import RecordedCamera
 from simpick.recording.entity_names import EntityNames
-from simpick.recording.mujoco_logger import MujocoLogger
 from simpick.records import CameraFrame, Detection, PoseEstimate
 
 DEPTH_UNITS_PER_M = 10_000
@@ -32,19 +32,31 @@ _MOST_EDGES = 600
 _FIRST_MODE_HUE = 3
 
 
+@dataclass(frozen=True)
+class LayerPaths:
+    """The entities below which perception's layers lie."""
+
+    cameras: Mapping[str, str]
+    """Entity of each camera, by name."""
+    estimates: str
+    grasp: str
+    moving_cameras: frozenset[str] = frozenset()
+    """Names of the cameras that ride on a body that can move."""
+
+
 class PerceptionLayers:
     """Logs perception's inputs and outputs at the stream's present time."""
 
     def __init__(
         self,
         stream: rr.RecordingStream,
-        logger: MujocoLogger,
+        paths: LayerPaths,
         parts: Sequence[Part],
         jpeg_quality: int,
     ) -> None:
         self._stream, self._quality, self._names = stream, jpeg_quality, EntityNames()
-        self._camera_paths, self._moving_cameras = logger.camera_paths, logger.moving_cameras
-        self._estimates_path, self._grasp_path = logger.estimates_path, logger.grasp_path
+        self._camera_paths, self._moving_cameras = paths.cameras, paths.moving_cameras
+        self._estimates_path, self._grasp_path = paths.estimates, paths.grasp
         self._parts = {part.name: part for part in parts}
         self._image_px: dict[str, tuple[int, int]] = {}
         self._with_depth: set[str] = set()

@@ -18,7 +18,7 @@ from simpick.recording.blueprint import OUTCOME_COLOURS, default_blueprint, log_
 from simpick.recording.column_buffer import Instant
 from simpick.recording.contact_force import ContactForce
 from simpick.recording.mujoco_logger import DEFAULT_GROUPS, MujocoLogger
-from simpick.recording.perception_layers import PerceptionLayers
+from simpick.recording.perception_layers import LayerPaths, PerceptionLayers
 from simpick.recording.pick_columns import OUTCOME_PATH, log_pick_record, log_properties
 from simpick.recording.recording_file import RecordingFile
 from simpick.records import CameraFrame, Detection, PickOutcome, PickRecord, PoseEstimate
@@ -85,7 +85,8 @@ class RerunRecorder(Recorder):
             raise ConfigError("a RerunRecorder holds one episode; make another one for the next")
         stream = self._file.open(episode_id, serve_port=self._serve_port)
         logger = MujocoLogger(stream, model, root=_ROOT, groups=self._groups)
-        layers = PerceptionLayers(stream, logger, parts, self._jpeg_quality)
+        paths = LayerPaths(logger.camera_paths, logger.estimates_path, logger.grasp_path, logger.moving_cameras)
+        layers = PerceptionLayers(stream, paths, parts, self._jpeg_quality)
         self._episode = _Episode(stream, logger, layers, ContactForce(model, self._gripper_prefix), _eye(model, data))
         stream.send_recording_name(episode_id)
         log_properties(stream, "config", config)

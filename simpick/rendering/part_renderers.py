@@ -1,4 +1,4 @@
-"""`PartRenderers`: a least-recently-used cache of OpenGL renderers, one per part and image size."""
+"""`PartRenderers`: a least-recently-used cache of depth renderers, one per part and image size."""
 
 from __future__ import annotations
 
@@ -7,23 +7,31 @@ from collections import OrderedDict
 from simpick.assets.part import Part
 from simpick.closing import Closing
 from simpick.rendering.part_views import PART_QUALITY, PartRenderer
+from simpick.rendering.ray_depth import RayDepthRenderer, depth_needs_rays
 from simpick.rendering.renderer import RenderQuality
 
 
 class PartRenderers(Closing):
-    """Keeps at most `count` renderers open."""
+    """Keeps at most `count` renderers open: of OpenGL, or where that does not work of Embree, if it is installed."""
 
     def __init__(self, count: int, *, quality: RenderQuality = PART_QUALITY) -> None:
         self._count, self._quality = count, quality
-        self._renderers: OrderedDict[tuple[str, int, int], PartRenderer] = OrderedDict()
+        self._renderers: OrderedDict[tuple[str, int, int], PartRenderer | RayDepthRenderer] = OrderedDict()
 
-    def get(self, part: Part, height: int, width: int) -> PartRenderer:
-        """Return the renderer of a part for images of at most this size; it may be closed by the next call."""
+    def get(self, part: Part, height: int, width: int) -> PartRenderer | RayDepthRenderer:
+        """Return the renderer of a part for depth images of at most this size; it may be closed by the next call.
+
+        Raises:
+            RenderingUnavailableError: neither OpenGL nor Embree works here.
+        """
         key = part.content_hash, height, width
         if key not in self._renderers:
             while len(self._renderers) >= self._count:
                 self._renderers.popitem(last=False)[1].close()
-            self._renderers[key] = PartRenderer(part, height, width, quality=self._quality)
+            rays = depth_needs_rays()
+            self._renderers[key] = (
+                RayDepthRenderer(part) if rays else PartRenderer(part, height, width, quality=self._quality)
+            )
         self._renderers.move_to_end(key)
         return self._renderers[key]
 

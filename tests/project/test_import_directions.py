@@ -32,6 +32,7 @@ ROOMS = (
     "envs",
     "policies",
     "recording",
+    "photos",
     "metrics",
     "pose_eval",
     "experiments",

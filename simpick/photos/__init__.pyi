@@ -1,0 +1,10 @@
+from .cad_poses import CadPoseEstimate as CadPoseEstimate
+from .calibration import Calibration as Calibration
+from .camera_files import read_calibration as read_calibration
+from .onboarding_file import load_onboarding as load_onboarding
+from .onboarding_file import save_onboarding as save_onboarding
+from .one_image import estimate as estimate
+from .photo_estimator import PhotoEstimator as PhotoEstimator
+from .photo_estimator import PhotoPoses as PhotoPoses
+from .pose_checks import PoseChecks as PoseChecks
+from .pose_checks import check_pose as check_pose

@@ -1,0 +1,31 @@
+"""The parts that are looked for: mesh files, names, and onboarding files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from simpick.assets import get_part, load_cad
+from simpick.assets.cad_import import is_mesh_path
+from simpick.assets.part import Part
+from simpick.assets.units import Unit
+from simpick.photos.onboarding_file import SUFFIX, load_onboarding
+
+
+def load_parts(parts: Sequence[Part | str | Path], unit: Unit = "auto") -> list[Part]:
+    """Return the parts; `unit` is that of mesh files.
+
+    Raises:
+        MeshError: a file cannot become a part.
+        UnknownPartError: there is no part of this name.
+        ArrayFileError, ConfigError: an onboarding file is damaged, or of other versions.
+    """
+    return [part if isinstance(part, Part) else _load(str(part), unit) for part in parts]
+
+
+def _load(text: str, unit: Unit) -> Part:
+    if Path(text).suffix == SUFFIX:
+        return load_onboarding(Path(text))
+    if unit != "auto" and is_mesh_path(text):
+        return load_cad(text, unit=unit)
+    return get_part(text)

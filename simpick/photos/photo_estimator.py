@@ -1,0 +1,131 @@
+"""`PhotoEstimator`: detection, pose estimation and checks of photographs, for parts that are onboarded once."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float32
+
+from simpick.assets.part import Part
+from simpick.closing import Closing
+from simpick.errors import ConfigError
+from simpick.estimators.base import Detector, OnboardingDetector
+from simpick.estimators.boundary import onboard_part, validated_detections, validated_estimates
+from simpick.estimators.registry import EstimatorName, find_estimator, load_estimator
+from simpick.photos.box_masks import with_masks
+from simpick.photos.cad_poses import CadPoseEstimate
+from simpick.photos.calibration import Undistortion
+from simpick.photos.pose_checks import PoseChecks, check_pose
+from simpick.records import CameraFrame, Detection
+from simpick.rendering.posed_depth import PosedDepthRenderer
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoPoses:
+    """What was found in one image."""
+
+    frame: CameraFrame
+    """The undistorted image with its pinhole camera."""
+    detections: tuple[Detection, ...]
+    """In the undistorted image."""
+    estimates: tuple[CadPoseEstimate, ...]
+    """The most certain first."""
+    timings_s: dict[str, float]
+    """Wall-clock seconds of ``detect`` and ``estimate``."""
+
+
+class PhotoEstimator(Closing):
+    """Finds parts in photographs. A context manager; `close` frees OpenGL contexts."""
+
+    def __init__(self, parts: Sequence[Part], mode: str = "refined") -> None:
+        """Load the estimator called `mode` and onboard the parts.
+
+        Raises:
+            ConfigError: there are no parts, or two have the same name.
+            UnknownNameError: no estimator has this name.
+        """
+        self.parts = {part.name: part for part in parts}
+        if not parts or len(self.parts) != len(parts):
+            raise ConfigError(f"parts must be one or more with different names, got {[part.name for part in parts]}")
+        self.estimator = load_estimator(mode)
+        self.gives_probabilities = find_estimator(EstimatorName.parse(mode).name).gives_probabilities
+        """Whether scores are probabilities that a pose is good enough to pick by."""
+        self._depth = PosedDepthRenderer()
+        self._onboarded_detectors: set[int] = set()
+        for part in parts:
+            onboard_part(self.estimator, part)
+
+    def estimate(
+        self,
+        rgb: np.ndarray,
+        camera: Undistortion,
+        detections: Detector | Sequence[Detection],
+        *,
+        count: int | None = None,
+    ) -> PhotoPoses:
+        """Return the poses of parts in an image: of what a detector finds, or of detections in the original image.
+
+        Detections without a mask get one from their box (`simpick.photos.box_masks`). `count` limits the estimates of
+        each part to the most certain.
+        """
+        start = time.perf_counter()
+        frame = camera.frame(rgb)
+        if isinstance(detections, Detector):
+            if id(detections) not in self._onboarded_detectors and isinstance(detections, OnboardingDetector):
+                for part in self.parts.values():
+                    onboard_part(detections, part)
+            self._onboarded_detectors.add(id(detections))
+            start = time.perf_counter()
+            found = validated_detections(detections, frame, list(self.parts.values()))
+        else:
+            moved = [
+                replace(d, box_xyxy_px=camera.box(d.box_xyxy_px), mask=None if d.mask is None else camera.mask(d.mask))
+                for d in detections
+            ]
+            found = with_masks(moved, frame)
+        detect_s = time.perf_counter() - start
+        start = time.perf_counter()
+        answers = validated_estimates(self.estimator, [frame], [found])[0]
+        timings_s = {"detect": detect_s, "estimate": time.perf_counter() - start}
+        ranked = sorted((CadPoseEstimate.of(e, self.parts[e.part]) for e in answers), key=lambda e: -e.score)
+        left = dict.fromkeys(self.parts, len(ranked) if count is None else count)
+        kept = []
+        for estimate in ranked:
+            if left[estimate.part] > 0:
+                left[estimate.part] -= 1
+                kept.append(estimate)
+        return PhotoPoses(frame, tuple(found), tuple(kept), timings_s)
+
+    def depths(self, poses: PhotoPoses) -> list[Float32[np.ndarray, "height width"]]:
+        """Return the depth image of each estimated part alone; 0 beside it."""
+        return [
+            self._depth.render(self.parts[e.part], e.T_camera_part[None], poses.frame.camera)[0]
+            for e in poses.estimates
+        ]
+
+    def checks(self, poses: PhotoPoses, depths_m: Sequence[Float32[np.ndarray, "height width"]]) -> list[PoseChecks]:
+        """Return the checks of each estimate, from the depth images of `depths`."""
+        return [
+            check_pose(e, self.parts[e.part], poses.frame, depth_m > 0)
+            for e, depth_m in zip(poses.estimates, depths_m, strict=True)
+        ]
+
+    def rival_depths(
+        self, poses: PhotoPoses, checks: Sequence[PoseChecks]
+    ) -> list[Float32[np.ndarray, "height width"]]:
+        """Return the depth image of each rival of each estimate."""
+        depths_m = []
+        for estimate, own in zip(poses.estimates, checks, strict=True):
+            part = self.parts[estimate.part]
+            Ts_camera_part = np.array([r.T_camera_cad @ part.T_cad_part for r in own.rivals]).reshape(-1, 4, 4)
+            depths_m += list(self._depth.render(part, Ts_camera_part, poses.frame.camera))
+        return depths_m
+
+    def close(self) -> None:
+        """Free the OpenGL contexts; may be called again."""
+        self._depth.close()
+        if isinstance(self.estimator, Closing):
+            self.estimator.close()
