@@ -137,7 +137,7 @@ class PartsRemove:
 
 @dataclass(frozen=True)
 class PartsOnboard(Config):
-    """Save a part and its templates to a file, for machines without OpenGL.
+    """Save a part with its templates, for use without OpenGL.
 
     ``simpick estimate --part FILE`` and ``simpick.estimate`` take the file; depth is computed by Embree there (pip
     install embreex). Both machines need the same versions of simpick, MuJoCo and torch.

@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8
 
 from simpick.assets.part import Part
-from simpick.rendering.luminance import LUMINANCE
 from simpick.geometry import invert
 from simpick.records import CameraFrame, PoseEstimate, PoseHypothesis
+from simpick.rendering.luminance import LUMINANCE
 
 _BLUR_PX = 1.0
 _REACH_PX = 2
