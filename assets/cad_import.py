@@ -13,19 +13,26 @@ import numpy as np
 import trimesh
 from annotated_types import Interval
 
-from simpick.assets.cad_files import SUFFIXES, read_cad
-from simpick.assets.convex_pieces import convex_pieces
+from simpick.assets.cad_files import SUFFIXES, load_file
+from simpick.assets.convex_pieces import convex_pieces, excess_volume
+from simpick.assets.csg import to_manifold, to_trimesh
+from simpick.assets.mesh_cleaning import cleaned
+from simpick.assets.mesh_solids import solidified
 from simpick.assets.part import Material, Part
 from simpick.assets.symmetry_detection import detect_symmetries
-from simpick.assets.units import Unit, choose_unit
+from simpick.assets.units import Unit, choose_unit, split_unit
 from simpick.caching import cache_dir, cache_key, cached_arrays
-from simpick.config import Config, Fraction
-from simpick.errors import ConfigError
+from simpick.config import Config, Fraction, NonNegativeFloat, NonNegativeInt
+from simpick.errors import ConfigError, MeshError
 from simpick.geometry.symmetry import ContinuousSymmetry, SymmetryGroup
 from simpick.geometry.transforms import transform
 
 _LOG = logging.getLogger(__name__)
 _SYMMETRY_CACHE_VERSION = 1
+MAX_FACES = 200_000
+"""More than this slows every rendering and is never needed to recognise a part."""
+_SIMPLIFY = 1e-3
+_LARGEST_EXCESS = 0.1
 
 
 @dataclass(frozen=True)
@@ -33,13 +40,17 @@ class CadSettings(Config):
     """How a CAD file becomes a part."""
 
     unit: Unit = "auto"
-    """Unit of the file's coordinates; "auto" takes mm or m by plausible size."""
+    """Unit of the file's coordinates; "auto" takes the most plausible (`choose_unit`)."""
     density_kg_m3: Annotated[float, Interval(ge=50, le=25000), "in kg/m^3, steel has 7850"] = 1200.0
     """Density of the solid: about 1200 for plastic, 2700 for aluminium, 7850 for steel."""
     rgb: tuple[Fraction, Fraction, Fraction] = (0.6, 0.6, 0.62)
     """Colour, each channel between 0 and 1."""
     simplify: bool = False
     """Merge facets within 0.1 % of the size while reading: for meshes with very many faces."""
+    thickness_m: NonNegativeFloat = 0.0
+    """Thickness given to a sheet, an open surface without volume; 0 refuses it."""
+    body: NonNegativeInt = 0
+    """Which body of a file with several, 1 being the largest; 0 takes all as one rigid part."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,38 +73,74 @@ def load_cad(
     rgb: tuple[float, float, float] = (0.6, 0.6, 0.62),
     simplify: bool = False,
 ) -> Part:
-    """Return the part of an STL, OBJ, PLY or GLB file; what was decided is logged. See `import_cad`."""
+    """Return the part of a CAD file; what was decided is logged. See `import_cad`."""
     return import_cad(path, CadSettings(unit, density_kg_m3, rgb, simplify), name=name).part
 
 
 def import_cad(path: str | Path, settings: CadSettings | None = None, *, name: str | None = None) -> CadImport:
-    """Return a CAD file's part with notes on what was decided.
+    """Return a CAD file's part with notes on what was decided and repaired.
 
     The part frame is the file's, moved to the centre of the bounding box: ``T_cad_part`` leads back (in metres;
     divide by `CadImport.metres_per_unit` for the file's own unit). `name` defaults to the file's, made of letters,
     digits and underscores. Raises `MeshError` if the file cannot become a part, and says what to do.
     """
     path, settings = Path(path), settings or CadSettings()
-    mesh, notes = read_cad(path, simplify=settings.simplify)
-    choice = choose_unit(float(mesh.extents.max()), settings.unit, file=path.name)
+    content = load_file(path)
+    _check_count(len(content.mesh.faces), path, settings.simplify)
+    mesh, offset, repairs = cleaned(content.mesh, path.name)
+    choice = choose_unit(float(mesh.extents.max()), settings.unit, file=path.name, stated=content.unit)
     mesh.apply_scale(choice.metres_per_unit)
+    mesh, more = solidified(mesh, path.name, thickness_m=settings.thickness_m, body=settings.body)
+    repairs += more
+    if settings.simplify:
+        mesh = _simplified(mesh, path, repairs)
     centre = mesh.bounds.mean(axis=0)
     mesh.apply_translation(-centre)
     symmetries = _cached_symmetries(mesh)
+    collision = convex_pieces(mesh)
     part = Part(
         name=checked_name(name) if name is not None else name_from_path(path),
         mesh=mesh,
-        collision=convex_pieces(mesh),
+        collision=collision,
         symmetries=symmetries,
         density_kg_m3=settings.density_kg_m3,
         material=Material(settings.rgb),
-        T_cad_part=transform(None, centre),
+        T_cad_part=transform(None, centre + offset * choice.metres_per_unit),
         metres_per_cad_unit=choice.metres_per_unit,
     )
-    notes = [choice.note, *notes, f"{path.name}: symmetry: {describe_symmetry(symmetries)}"]
+    excess = excess_volume(mesh, collision)
+    if excess > _LARGEST_EXCESS:
+        repairs.append(
+            f"{path.name}: collision pieces fill {excess:.0%} more than its volume (thin or strongly curved walls): "
+            "parts interlock less than real ones, and the jaw grips the filled shape"
+        )
+    notes = [choice.note, *repairs, f"{path.name}: symmetry: {describe_symmetry(symmetries)}"]
     for note in notes:
         _LOG.info(note)
     return CadImport(part, choice.unit, choice.metres_per_unit, tuple(notes))
+
+
+def _check_count(faces: int, path: Path, simplify: bool) -> None:
+    if faces > MAX_FACES and not simplify:
+        raise MeshError(
+            f"{path.name}: must have at most {MAX_FACES} faces, got {faces}. Export it with a coarser "
+            "tolerance, or simplify it while reading (--simplify, or simplify=True)."
+        )
+
+
+def _simplified(mesh: trimesh.Trimesh, path: Path, notes: list[str]) -> trimesh.Trimesh:
+    """Return the mesh with facets merged; as it is where nothing would be left."""
+    before = len(mesh.faces)
+    solid = to_manifold(mesh).simplify(_SIMPLIFY * float(mesh.extents.max()))
+    if solid.is_empty():
+        return mesh
+    notes.append(f"{path.name}: simplified from {before} to {solid.num_tri()} faces")
+    if solid.num_tri() > MAX_FACES:
+        raise MeshError(
+            f"{path.name}: still has {solid.num_tri()} faces after simplification, must have at most {MAX_FACES}. "
+            "Export it with a coarser tolerance."
+        )
+    return to_trimesh(solid)
 
 
 def describe_symmetry(group: SymmetryGroup) -> str:
@@ -121,8 +168,8 @@ def checked_name(name: str) -> str:
 
 
 def is_mesh_path(text: str) -> bool:
-    """Return whether a part's name is meant as a path: it ends like a mesh file or contains a separator."""
-    return Path(text).suffix.lower() in SUFFIXES or "/" in text or os.sep in text
+    """Return whether a part's name is meant as a path: it ends like a mesh file (and a unit) or has a separator."""
+    return Path(split_unit(text)[0]).suffix.lower() in SUFFIXES or "/" in text or os.sep in text
 
 
 def _cached_symmetries(mesh: trimesh.Trimesh) -> SymmetryGroup:

@@ -162,12 +162,14 @@ def hull(*solids: Manifold) -> Manifold:
 def to_trimesh(solid: Manifold) -> trimesh.Trimesh:
     """Return the solid as a mesh in the solid's own unit, vertices as manifold merged them."""
     mesh = solid.to_mesh64()
-    return trimesh.Trimesh(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, int), process=False)
+    # Copies: an array that lies in manifold's memory would keep all of it alive.
+    vertices, faces = np.array(mesh.vert_properties)[:, :3], np.array(mesh.tri_verts, int)
+    return trimesh.Trimesh(vertices, faces, process=False)
 
 
 def to_manifold(mesh: trimesh.Trimesh) -> Manifold:
     """Return a closed mesh as a solid; it is empty, with a status that says why, if the mesh is not manifold."""
-    vertices, faces = np.ascontiguousarray(mesh.vertices, float), np.ascontiguousarray(mesh.faces, np.uint64)
+    vertices, faces = np.array(mesh.vertices, float, order="C"), np.array(mesh.faces, np.uint64, order="C")
     return Manifold(Mesh64(vertices, faces))
 
 

@@ -1,7 +1,8 @@
-"""Which unit a CAD file is in: files rarely state it, so the size decides, and the choice is explained."""
+"""Which unit a CAD file is in: files rarely state it, so the most plausible size decides, and the choice is explained."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
@@ -11,8 +12,13 @@ Unit: TypeAlias = Literal["auto", "mm", "cm", "m", "inch"]
 
 METRES_PER_UNIT: dict[str, float] = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "inch": 0.0254}
 
-SMALLEST_M, LARGEST_M = 0.005, 0.3
-"""A part's longest side: smaller cannot be gripped, larger does not fit into the bin."""
+SMALLEST_M, LARGEST_M = 0.001, 1.0
+"""A part's longest side: outside this range contacts of rigid bodies cannot be simulated at the scene's time step."""
+USUAL_M = (0.005, 0.3)
+"""Range of the longest side of parts that a gripper picks from a bin; the unit that leads there is the plausible one."""
+_ORDER = ("mm", "m", "inch", "cm")
+"""Units by how often files are in them."""
+_IN_NAME = {"mm": "mm", "cm": "cm", "inch": "inch", "inches": "inch"}
 
 
 @dataclass(frozen=True)
@@ -25,44 +31,67 @@ class UnitChoice:
     """One sentence for the user who provided the file."""
 
 
-def choose_unit(longest_side: float, unit: str = "auto", *, file: str = "the file") -> UnitChoice:
+def choose_unit(
+    longest_side: float, unit: str = "auto", *, file: str = "the file", stated: str | None = None
+) -> UnitChoice:
     """Return the unit of a file whose longest side is this many units.
 
-    "auto" takes millimetres or metres, whichever makes the part 5 mm to 300 mm long: the two ranges do not overlap.
-    Raises `MeshError` if neither does or if the given unit makes a part of another size, `ConfigError` for a unit
-    that does not exist.
+    "auto" takes the unit that the file states (`stated`), else the one that its name contains (``block_cm.stl``),
+    where that makes a possible size, else the first of mm, m, inch and cm in which the part is 5 mm to 300 mm long, else in which it is 1 mm to 1 m long.
+    Raises `MeshError` if none does or if the given unit makes a part of another size, `ConfigError` for a unit that
+    does not exist.
     """
     if unit not in get_args(Unit):
         raise ConfigError(f"unit must be one of {', '.join(get_args(Unit))}, got {unit!r}")
-    if unit != "auto":
-        scale = METRES_PER_UNIT[unit]
-        if not SMALLEST_M <= longest_side * scale <= LARGEST_M:
-            raise MeshError(_size_text(longest_side, f"is not in {unit}, as asked for", file))
-        return UnitChoice(unit, scale, f"{file}: read in {unit}, as asked for ({_mm(longest_side * scale)} long)")
-    for candidate, other in (("mm", "m"), ("m", "mm")):
-        scale = METRES_PER_UNIT[candidate]
-        if SMALLEST_M <= longest_side * scale <= LARGEST_M:
-            unlikely = _mm(longest_side * METRES_PER_UNIT[other])
-            note = (
-                f"{file}: read in {candidate}, because that makes it {_mm(longest_side * scale)} long "
-                f"(in {other} it would be {unlikely}); pass a unit to override"
-            )
-            return UnitChoice(candidate, scale, note)
-    raise MeshError(_size_text(longest_side, "is so neither in mm nor in m", file))
+    chosen, reason = (unit, "as asked for") if unit != "auto" else _guess(longest_side, file, stated)
+    if not _fits(longest_side, chosen, SMALLEST_M, LARGEST_M):
+        raise MeshError(_size_text(longest_side, chosen, reason, file))
+    length = longest_side * METRES_PER_UNIT[chosen]
+    note = f"{file}: read in {chosen}, {reason} ({_mm(length)} long"
+    if unit == "auto" and chosen != stated:
+        others = [name for name in _ORDER if name != chosen and _fits(longest_side, name, SMALLEST_M, LARGEST_M)]
+        other = "; ".join(f"{_mm(longest_side * METRES_PER_UNIT[name])} in {name}" for name in others)
+        note += f"; {other}" * bool(others)
+        return UnitChoice(chosen, METRES_PER_UNIT[chosen], f"{note}). For another unit: {file}@UNIT, or --unit")
+    return UnitChoice(chosen, METRES_PER_UNIT[chosen], f"{note})")
 
 
-def _size_text(longest_side: float, which: str, file: str) -> str:
+def split_unit(path: str) -> tuple[str, str]:
+    """Return path and unit of a text such as ``block.stl@cm``; the unit is "auto" where none is given."""
+    head, separator, unit = path.rpartition("@")
+    return (head, unit) if separator and unit in METRES_PER_UNIT else (path, "auto")
+
+
+def _guess(longest_side: float, file: str, stated: str | None) -> tuple[str, str]:
+    """Return the most plausible unit and the reason."""
+    if stated is not None and _fits(longest_side, stated, SMALLEST_M, LARGEST_M):
+        return stated, "as the file states"
+    words = re.findall(r"[a-z]+", file.rpartition(".")[0].lower())
+    named = [_IN_NAME[word] for word in words if word in _IN_NAME]
+    if named and _fits(longest_side, named[0], SMALLEST_M, LARGEST_M):
+        return named[0], "because its name says so"
+    for least, most in (USUAL_M, (SMALLEST_M, LARGEST_M)):
+        for unit in _ORDER:
+            if _fits(longest_side, unit, least, most):
+                return unit, "because that makes its size plausible"
+    return "mm", "which is usual"
+
+
+def _fits(longest_side: float, unit: str, least_m: float, most_m: float) -> bool:
+    return least_m * (1 - 1e-9) <= longest_side * METRES_PER_UNIT[unit] <= most_m * (1 + 1e-9)
+
+
+def _size_text(longest_side: float, unit: str, reason: str, file: str) -> str:
     sizes = ", ".join(f"{_mm(longest_side * scale)} in {name}" for name, scale in METRES_PER_UNIT.items())
-    fitting = [n for n, scale in METRES_PER_UNIT.items() if SMALLEST_M <= longest_side * scale <= LARGEST_M]
+    fitting = [name for name in METRES_PER_UNIT if _fits(longest_side, name, SMALLEST_M, LARGEST_M)]
     remedy = (
-        f"If it is in {' or '.join(fitting)}, pass that unit; on the command line: "
-        f"simpick parts add FILE --unit {fitting[0]}"
+        f"If it is in {' or '.join(fitting)}, give that unit: {file}@{fitting[0]}, or --unit {fitting[0]}"
         if fitting
         else "No unit fits (mm, cm, m, inch): scale the model"
     )
     return (
-        f"{file}: the longest side must be between {_mm(SMALLEST_M)} and {_mm(LARGEST_M)}, and {which}: it would be "
-        f"{sizes}. {remedy}"
+        f"{file}: the longest side must be between {_mm(SMALLEST_M)} and {_mm(LARGEST_M)}, the limits of the contact "
+        f"simulation, and is not in {unit}, {reason}: it would be {sizes}. {remedy}"
     )
 
 

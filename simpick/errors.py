@@ -43,11 +43,20 @@ class UnknownPartError(UnknownNameError):
     """No part has this name, and it is no path to a mesh file."""
 
     def __init__(self, name: str, valid: Iterable[str]) -> None:
-        super().__init__("part", name, valid, "A path to an STL, OBJ, PLY or GLB file is a part, too.")
+        formats = "STL, OBJ, PLY, GLB, OFF, STEP, 3MF, DAE"
+        super().__init__("part", name, valid, f"A path to a CAD file ({formats}) is a part, too.")
 
 
 class MeshError(SimpickError, ValueError):
     """A mesh file cannot become a part: unreadable, empty, NaN, open, flat, or of an unlikely size."""
+
+
+class OpenMeshError(MeshError):
+    """A mesh encloses no volume; `mesh` is what was read, in metres, so that its open edges can be drawn."""
+
+    def __init__(self, message: str, mesh: Any) -> None:
+        super().__init__(message)
+        self.mesh = mesh
 
 
 class RenderingUnavailableError(SimpickError, RuntimeError):

@@ -18,8 +18,8 @@ ESTIMATORS = "coarse, fine, oracle, refined, retrieval, retrieval_refined"
 MESSAGES: list[tuple[Callable[[], object], str]] = [
     (
         lambda: get_part("hexbolt"),
-        f"no part named 'hexbolt'. Valid: {', '.join(library_part_names())}. A path to an STL, OBJ, PLY or GLB file is "
-        "a part, too. Did you mean 'hex_bolt'?",
+        f"no part named 'hexbolt'. Valid: {', '.join(library_part_names())}. A path to a CAD file (STL, OBJ, PLY, "
+        "GLB, OFF, STEP, 3MF, DAE) is a part, too. Did you mean 'hex_bolt'?",
     ),
     (lambda: get_part("missing.stl"), "no mesh file at missing.stl. Check the path."),
     (

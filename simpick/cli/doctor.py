@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 import tyro
 
 Check = Literal["python", "packages", "gl", "torch", "cache", "disk"]
-CORE_PACKAGES = ("mujoco", "gymnasium", "torch", "rerun-sdk", "mink", "trimesh", "manifold3d", "coacd", "numpy")
+CORE_PACKAGES = ("mujoco", "gymnasium", "torch", "rerun-sdk", "mink", "trimesh", "manifold3d", "numpy")
 MIN_FREE_GB = 2.0
 
 

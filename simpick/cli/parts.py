@@ -12,7 +12,7 @@ from annotated_types import Interval
 
 from simpick.assets.units import Unit
 from simpick.cli.outputs import check_image, write_image
-from simpick.config import Config, Fraction, PositiveFloat, PositiveInt
+from simpick.config import Config, Fraction, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 from simpick.errors import OutputError
 
 if TYPE_CHECKING:
@@ -66,9 +66,11 @@ class PartsShow(Config):
         """Render the sheet and write it."""
         from simpick.assets import get_part, part_names
         from simpick.rendering.contact_sheet import contact_sheet
+        from simpick.terminal import track
 
         check_image(self.out, overwrite=self.overwrite)
-        parts = [get_part(name) for name in self.parts or part_names()]
+        names = self.parts or tuple(part_names())
+        parts = [get_part(name) for name in track(names, "reading parts", total=len(names))]
         labels = [f"{part.name}\n{_extents(part)} mm, {part.mass_kg * 1e3:.0f} g" for part in parts]
         write_image(self.out, contact_sheet(parts, labels, columns=self.columns, cell_px=self.cell_px))
         print(f"wrote {self.out}: {len(parts)} parts")
@@ -77,7 +79,9 @@ class PartsShow(Config):
 
 @dataclass(frozen=True)
 class PartsAdd(Config):
-    """Add a CAD file (STL, OBJ, PLY, GLB) as a part with a name.
+    """Add a CAD file as a part with a name.
+
+    STL, OBJ, PLY, GLB and OFF are read, with simpick[cad] also STEP, 3MF and DAE.
 
     Every command accepts the name from then on. The file is copied.
     """
@@ -89,13 +93,17 @@ class PartsAdd(Config):
     ] = None
     """Letters, digits and underscores."""
     unit: Unit = "auto"
-    """Unit of the file's coordinates; auto chooses mm or m by plausible size and reports which."""
+    """Unit of the file's coordinates; auto chooses the most plausible and reports why."""
     density: PositiveFloat = 1200.0
     """Density in kg/m^3: about 1200 for plastic, 2700 for aluminium, 7850 for steel."""
     rgb: tuple[Fraction, Fraction, Fraction] = (0.6, 0.6, 0.62)
     """Colour, each channel between 0 and 1."""
     simplify: bool = False
     """Merge facets within 0.1 % of the size: for meshes with very many faces."""
+    thickness: NonNegativeFloat = 0.0
+    """Thickness in m given to a sheet, an open surface without volume; 0 refuses it."""
+    body: NonNegativeInt = 0
+    """Which body of a file with several, 1 being the largest; 0 takes all as one part."""
     overwrite: bool = False
     """Replace a part that was added under the same name."""
 
@@ -103,7 +111,7 @@ class PartsAdd(Config):
         """Import the file, register it and print the unit, size and mass that it was given."""
         from simpick.assets import CadSettings, add_user_part
 
-        settings = CadSettings(self.unit, self.density, self.rgb, self.simplify)
+        settings = CadSettings(self.unit, self.density, self.rgb, self.simplify, self.thickness, self.body)
         imported = add_user_part(self.file, settings, name=self.name, replace=self.overwrite)
         part = imported.part
         for note in imported.notes:
@@ -180,13 +188,14 @@ def describe_files(parts: Iterable[str]) -> list[str]:
     """
     from simpick.assets import get_part
     from simpick.assets.cad_import import is_mesh_path
+    from simpick.assets.units import split_unit
 
     lines = []
     for name in filter(is_mesh_path, parts):
         part = get_part(name)
         lines.append(
             f"{name}: {_extents(part)} mm and {part.mass_kg * 1e3:.1f} g at {part.density_kg_m3:g} kg/m^3; "
-            "for another unit or density, give it a name with: simpick parts add"
+            f"for another unit, append it ({split_unit(name)[0]}@cm); for another density: simpick parts add"
         )
     return lines
 

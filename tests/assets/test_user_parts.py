@@ -8,8 +8,18 @@ import numpy as np
 import pytest
 import trimesh
 
-from simpick.assets import CadSettings, add_user_part, cad_files, get_part, import_cad, load_cad, part_names, user_parts
+from simpick.assets import (
+    CadSettings,
+    add_user_part,
+    cad_import,
+    get_part,
+    import_cad,
+    load_cad,
+    part_names,
+    user_parts,
+)
 from simpick.assets import convex_pieces as pieces_module
+from simpick.assets.plane_cuts import MOST_PIECES
 from simpick.assets.units import choose_unit
 from simpick.errors import ConfigError, MeshError, OutputError, UnknownPartError
 
@@ -32,7 +42,7 @@ def box_file(folder, extents, name="box.stl"):
     return path
 
 
-@pytest.mark.parametrize("suffix", [".stl", ".obj", ".ply", ".glb"])
+@pytest.mark.parametrize("suffix", [".stl", ".obj", ".ply", ".glb", ".off", ".3mf", ".dae"])
 def test_every_format_gives_the_same_part(tmp_path, suffix):
     path = tmp_path / f"My Angle-2{suffix}"
     angle_mm().export(path)
@@ -41,7 +51,7 @@ def test_every_format_gives_the_same_part(tmp_path, suffix):
     assert part.extents_m == pytest.approx([0.06, 0.02, 0.04], rel=1e-5)
     assert part.mesh.volume == pytest.approx(60 * 20 * 10e-9 + 10 * 20 * 30e-9, rel=1e-5)
     assert part.mesh.is_watertight and part.symmetries.is_trivial
-    assert 2 <= len(part.collision) <= pieces_module.MAX_PIECES
+    assert 2 <= len(part.collision) <= MOST_PIECES
     assert sum(piece.volume for piece in part.collision) == pytest.approx(part.mesh.volume, rel=0.1)
 
 
@@ -55,37 +65,52 @@ def test_cad_frame_leads_back_to_the_files_coordinates(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("longest", "unit", "scale"),
-    [(60.0, "mm", 1e-3), (5.0, "mm", 1e-3), (300.0, "mm", 1e-3), (0.06, "m", 1.0), (0.005, "m", 1.0), (0.3, "m", 1.0)],
-)
-def test_unit_is_chosen_by_plausible_size(longest, unit, scale):
-    choice = choose_unit(longest, file="a.stl")
-    assert (choice.unit, choice.metres_per_unit) == (unit, scale)
+    ("longest", "unit"),
+    [(60.0, "mm"), (5.0, "mm"), (300.0, "mm"), (0.06, "m"), (0.005, "m"), (0.3, "m"), (2.5, "inch"), (0.4, "inch"),
+     (1000.0, "mm"), (0.001, "m")],
+)  # fmt: skip
+def test_unit_is_chosen_by_plausible_size(longest, unit):
+    assert choose_unit(longest, file="a.stl").unit == unit
+
+
+@pytest.mark.parametrize(
+    ("file", "longest", "unit"),
+    [("block_cm.stl", 6.0, "cm"), ("tiny_4mm.stl", 4.0, "mm"), ("Plate-inch.stl", 6.0, "inch"),
+     ("block_cm.stl", 200.0, "mm"), ("comma.stl", 6.0, "mm")],
+)  # fmt: skip
+def test_a_unit_in_the_files_name_counts_if_the_size_is_possible(file, longest, unit):
+    assert choose_unit(longest, file=file).unit == unit
+
+
+def test_a_stated_unit_is_taken_unless_another_is_asked_for():
+    assert choose_unit(6.0, file="a.3mf", stated="inch").unit == "inch"
+    assert choose_unit(6.0, "cm", file="a.3mf", stated="inch").unit == "cm"
 
 
 def test_unit_choice_is_explained_and_logged(tmp_path, caplog):
-    path = box_file(tmp_path, [60, 20, 10])
+    path = box_file(tmp_path, [6, 2, 1])
     with caplog.at_level(logging.INFO, logger="simpick.assets.cad_import"):
         load_cad(path)
     expected = (
-        "box.stl: read in mm, because that makes it 60 mm long (in m it would be 60000 mm); pass a unit to override"
+        "box.stl: read in mm, because that makes its size plausible (6 mm long; 152.4 mm in inch; 60 mm in cm). "
+        "For another unit: box.stl@UNIT, or --unit"
     )
     assert expected in caplog.messages
 
 
 def test_unit_can_be_overridden(tmp_path):
-    part = load_cad(box_file(tmp_path, [6, 2, 1]), unit="cm")
-    assert part.extents_m == pytest.approx([0.06, 0.02, 0.01])
+    path = box_file(tmp_path, [6, 2, 1])
+    assert load_cad(path, unit="cm").extents_m == pytest.approx([0.06, 0.02, 0.01])
+    assert get_part(f"{path}@inch").extents_m[0] == pytest.approx(0.1524)
 
 
 @pytest.mark.parametrize(
     ("longest", "unit", "text"),
     [
-        (1.5, "auto", "must be between 5 mm and 300 mm, and is so neither in mm nor in m: it would be 1.5 mm in mm, "
-                      "15 mm in cm, 1500 mm in m, 38.1 mm in inch. If it is in cm or inch, pass that unit"),
-        (400.0, "auto", "No unit fits (mm, cm, m, inch): scale the model"),
-        (2000.0, "auto", "2000 mm in mm"),
-        (60.0, "m", "and is not in m, as asked for"),
+        (2000.0, "auto", "must be between 1 mm and 1000 mm, the limits of the contact simulation, and is not in mm"),
+        (2000.0, "auto", "No unit fits (mm, cm, m, inch): scale the model"),
+        (60.0, "m", "and is not in m, as asked for: it would be 60 mm in mm, 600 mm in cm, 60000 mm in m, 1524 mm in "
+                    "inch. If it is in mm or cm, give that unit: the file@mm, or --unit mm"),
     ],
 )  # fmt: skip
 def test_unlikely_size_is_an_error(longest, unit, text):
@@ -105,9 +130,19 @@ def test_missing_file(tmp_path):
 
 
 def test_wrong_file_type(tmp_path):
-    path = tmp_path / "part.step"
-    path.write_text("ISO-10303-21;")
-    assert cad_error(path) == "part.step: file type must be one of .stl, .obj, .ply, .glb, got '.step'"
+    path = tmp_path / "part.igs"
+    path.write_text("S")
+    assert cad_error(path) == (
+        "part.igs: file type must be one of .stl, .obj, .ply, .glb, .off, .step, .stp, .3mf, .dae, got '.igs'"
+    )
+
+
+def test_a_format_whose_package_is_missing_names_it(tmp_path, monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    (tmp_path / "a.step").write_text("ISO-10303-21;")
+    assert "a.step: reading .step needs the package cascadio. Install it with: pip install 'simpick[cad]'" in cad_error(
+        tmp_path / "a.step"
+    )
 
 
 def test_empty_file(tmp_path):
@@ -141,8 +176,8 @@ def test_open_mesh_says_how_many_edges_and_what_to_do(tmp_path):
     mesh.update_faces(np.asarray(mesh.face_normals)[:, 2] < 0.9)
     mesh.export(tmp_path / "cup.stl")
     text = cad_error(tmp_path / "cup.stl")
-    assert "cup.stl: is not watertight: 32 open edges" in text
-    assert "export it as a solid, or close it in a mesh editor" in text
+    assert "cup.stl: encloses no volume: 32 of 160 edges are open" in text
+    assert "export it as a solid, close it in a mesh editor" in text
 
 
 def test_a_missing_triangle_is_mended_and_said(tmp_path):
@@ -151,7 +186,7 @@ def test_a_missing_triangle_is_mended_and_said(tmp_path):
     mesh.export(tmp_path / "a.stl")
     imported = import_cad(tmp_path / "a.stl")
     assert imported.part.mesh.volume == pytest.approx(12e-6)
-    assert any("closed small holes (3 open edges)" in note for note in imported.notes)
+    assert any("closed small holes (3 open edges, " in note for note in imported.notes)
 
 
 def test_inverted_faces_are_turned_and_said(tmp_path):
@@ -170,17 +205,17 @@ def test_overlapping_bodies_count_their_volume_once(tmp_path):
     two.export(tmp_path / "a.stl")
     imported = import_cad(tmp_path / "a.stl")
     assert imported.part.mesh.volume == pytest.approx((12000 + 12000 - 4000) * 1e-9)
-    assert any("2 closed surfaces" in note for note in imported.notes)
+    assert any("2 closed surfaces overlap or touch" in note for note in imported.notes)
 
 
 def test_flat_mesh(tmp_path):
     text = cad_error(box_file(tmp_path, [60, 20, 0.01]))
-    assert "box.stl: is flat: its thinnest side is 0.01 where its longest is 60" in text
-    assert "Give the surface a thickness in CAD." in text
+    assert "box.stl: is flat: its thinnest side is 0.01 mm where its longest is 60 mm" in text
+    assert "give the surface a thickness in CAD" in text
 
 
 def test_huge_mesh_says_how_to_simplify(tmp_path, monkeypatch):
-    monkeypatch.setattr(cad_files, "MAX_FACES", 1000)
+    monkeypatch.setattr(cad_import, "MAX_FACES", 1000)
     path = tmp_path / "ball.stl"
     trimesh.creation.box([20, 20, 20]).subdivide().subdivide().subdivide().subdivide().export(path)
     text = cad_error(path)
@@ -192,7 +227,7 @@ def test_unknown_name_lists_what_exists():
     with pytest.raises(UnknownPartError) as error:
         get_part("bolt_m9")
     assert str(error.value).startswith("no part named 'bolt_m9'. Valid: bushing, cable_clip,")
-    assert "A path to an STL, OBJ, PLY or GLB file is a part, too." in str(error.value)
+    assert "A path to a CAD file (STL, OBJ, PLY, GLB, OFF, STEP, 3MF, DAE) is a part, too." in str(error.value)
 
 
 @pytest.mark.parametrize("setting", [{"density_kg_m3": 0.0}, {"rgb": (2.0, 0.0, 0.0)}, {"unit": "yard"}])

@@ -27,7 +27,7 @@ def test_added_part_is_listed_and_what_was_decided_is_printed(tmp_path, capsys):
     trimesh.creation.box([60, 20, 10]).export(tmp_path / "brick.stl")
     assert PartsAdd(tmp_path / "brick.stl", density=2700.0).run() == 0
     printed = capsys.readouterr().out
-    assert "read in mm, because that makes it 60 mm long" in printed
+    assert "read in mm, because that makes its size plausible (60 mm long" in printed
     assert "added 'brick': 60 x 20 x 10 mm, 32.4 g, 1 collision pieces" in printed
     PartsList().run()
     row = next(line for line in capsys.readouterr().out.splitlines() if "brick" in line)

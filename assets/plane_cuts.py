@@ -1,0 +1,148 @@
+"""Cutting a solid by planes until the convex hulls of its pieces hold little more than the solid itself.
+
+Each cut is the one of a few dozen candidate planes that most reduces the hulls' excess volume, weighted by the root of
+their size, so that a cut which only isolates a recess counts as progress. Neighbours are then merged where their common
+hull adds little. The volume that the pieces hold too much is known after each step, which is what contacts depend on,
+and no part of the solid is left without a piece.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+from manifold3d import Manifold
+
+from simpick.assets.csg import to_trimesh
+
+FEW_PIECES = 16
+"""Pieces are merged down to this number while the excess stays below `LARGEST_EXCESS`."""
+MOST_PIECES = 32
+"""Never more pieces than this: physics slows with every piece of every instance in the bin."""
+SMALL_EXCESS = 0.03
+"""Cutting and keeping pieces apart ends below this excess over the volume."""
+LARGEST_EXCESS = 0.10
+"""Excess over the volume up to which pieces are merged to `FEW_PIECES`."""
+
+_CRUMB = 1e-4
+_CONCAVE_EDGES = 24
+_LEAST_ANGLE_RAD = 0.05
+_SECTIONS = 7
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    solid: Manifold
+
+    @cached_property
+    def hull(self) -> Manifold:
+        return self.solid.hull()
+
+    @cached_property
+    def excess(self) -> float:
+        return max(0.0, self.hull.volume() - self.solid.volume())
+
+    @cached_property
+    def cost(self) -> float:
+        return self.excess * self.hull.volume() ** 0.5
+
+
+def cut_into_hulls(solid: Manifold) -> list[Manifold]:
+    """Return convex solids that together cover `solid`."""
+    volume = solid.volume()
+    return _merged([piece.hull for piece in _pieces(solid, volume)], volume)
+
+
+def _pieces(solid: Manifold, volume: float) -> list[_Piece]:
+    """Return the pieces of a solid, cut until their excess is small or no cut helps."""
+    pieces = [_Piece(body) for body in solid.decompose() if body.volume() > _CRUMB * volume]
+    done: list[_Piece] = []
+    while pieces and len(pieces) + len(done) < 2 * MOST_PIECES:
+        if sum(piece.excess for piece in [*pieces, *done]) < SMALL_EXCESS * volume:
+            break
+        worst = max(range(len(pieces)), key=lambda k: pieces[k].cost)
+        piece = pieces.pop(worst)
+        cut = _best_cut(piece, volume) if piece.excess > 0.1 * SMALL_EXCESS * volume else []
+        if cut:
+            pieces += cut
+        else:
+            done.append(piece)
+    return [*done, *pieces]
+
+
+def _best_cut(piece: _Piece, volume: float) -> list[_Piece]:
+    """Return the pieces of the best plane's cut; none if no plane helps."""
+    best, least = [], 0.999 * piece.cost
+    for plane in _candidate_planes(piece.solid):
+        halves = piece.solid.split_by_plane((plane[0], plane[1], plane[2]), plane[3])
+        if min(half.volume() for half in halves) < _CRUMB * volume:
+            continue
+        parts = [_Piece(body) for half in halves for body in half.decompose() if body.volume() > 0.1 * _CRUMB * volume]
+        # Each piece more has its price, or noise in the excess would buy crumbs.
+        cost = sum(part.cost for part in parts) + 0.002 * (len(parts) - 2) * volume**1.5
+        if cost < least:
+            best, least = parts, cost
+    return best
+
+
+def _candidate_planes(solid: Manifold) -> Iterator[tuple[float, float, float, float]]:
+    """Yield planes (unit normal, offset): along the faces at concave edges, across the box, through the middle."""
+    mesh = to_trimesh(solid)
+    vertices, centre = np.asarray(mesh.vertices), np.asarray(mesh.vertices).mean(axis=0)
+    rows: list[Float[np.ndarray, "4"]] = []
+    angles = np.asarray(mesh.face_adjacency_angles)
+    concave = np.flatnonzero(~np.asarray(mesh.face_adjacency_convex) & (angles > _LEAST_ANGLE_RAD))
+    edges = vertices[np.asarray(mesh.face_adjacency_edges)[concave]]
+    weight = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1) * angles[concave]
+    for k in np.argsort(-weight, kind="stable")[:_CONCAVE_EDGES]:
+        first, second = np.asarray(mesh.face_normals)[np.asarray(mesh.face_adjacency)[concave[k]]]
+        for normal in (first, second, first - second):
+            rows.append(_plane(normal, edges[k, 0]))
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    for axis in np.eye(3):
+        rows += [_plane(axis, low + s * (high - low)) for s in np.linspace(0, 1, _SECTIONS + 1)[1:-1]]
+        rows.append(_plane(axis, centre))
+    rows += [_plane(np.roll([1.0, sign, 0.0], k), centre) for k in range(3) for sign in (1.0, -1.0)]
+    planes = np.stack(rows)
+    # The same plane, but for its sign and for what no hull would show, is tried once.
+    planes *= np.sign(planes[np.arange(len(planes)), np.abs(planes[:, :3]).argmax(axis=1)])[:, None]
+    grid = np.array([0.02, 0.02, 0.02, 0.01 * float((high - low).max())])
+    unique = np.unique(np.round(planes / grid).astype(int), axis=0, return_index=True)[1]
+    for a, b, c, d in planes[np.sort(unique)].tolist():
+        yield a, b, c, d
+
+
+def _plane(normal: Float[np.ndarray, "3"], point: Float[np.ndarray, "3"]) -> Float[np.ndarray, "4"]:
+    unit = normal / np.linalg.norm(normal)
+    return np.append(unit, unit @ point)
+
+
+def _merged(hulls: list[Manifold], volume: float) -> list[Manifold]:
+    """Return fewer hulls: pairs are replaced by their common hull, the cheapest first."""
+    alive: dict[int, Manifold] = {}
+    joint: dict[tuple[int, int], tuple[float, Manifold]] = {}
+
+    def join(new: Manifold) -> None:
+        number = max(alive, default=-1) + 1
+        for other, hull in alive.items():
+            common = Manifold.batch_hull([hull, new])
+            joint[other, number] = common.volume() - hull.volume() - new.volume(), common
+        alive[number] = new
+
+    for hull in hulls:
+        if not hull.is_empty():
+            join(hull)
+    while len(alive) > 1:
+        (j, k), (added, hull) = min(joint.items(), key=lambda item: item[1][0])
+        excess = sum(piece.volume() for piece in alive.values()) + added - volume
+        limit = SMALL_EXCESS if len(alive) <= FEW_PIECES else LARGEST_EXCESS
+        if len(alive) <= MOST_PIECES and excess > limit * volume:
+            break
+        del alive[j], alive[k]
+        for pair in [pair for pair in joint if {j, k} & set(pair)]:
+            del joint[pair]
+        join(hull)
+    return list(alive.values())
