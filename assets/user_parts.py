@@ -106,7 +106,8 @@ def load_user_part(name: str) -> Part:
         record = read_json(folder / _SETTINGS)
         file = folder / record.pop("file")
         del record["from"]
-        settings = from_json(CadSettings, record, complete=True)
+        # Entries of earlier versions lack the options that came later.
+        settings = from_json(CadSettings, {**asdict(CadSettings()), **record}, complete=True)
     except (ConfigError, KeyError, TypeError) as error:
         raise MeshError(
             f"the entry of part {name!r} in {folder} is damaged ({type(error).__name__}: {error}). Add it again: "
