@@ -55,10 +55,7 @@ def _decompose(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
     # In a unit in which the mesh is 100 long: the library's own tolerances suit such coordinates.
     scale = 100.0 / float(mesh.extents.max())
     solid = _plain(to_manifold(mesh).scale((scale, scale, scale)))
-    if solid.volume() >= _CONVEX_ENOUGH * solid.hull().volume():
-        hulls = [solid.hull()]
-    else:
-        hulls = cut_into_hulls(solid)
+    hulls = [solid.hull()] if solid.volume() >= _CONVEX_ENOUGH * solid.hull().volume() else cut_into_hulls(solid)
     if not hulls:
         raise MeshError("the mesh encloses no solid that could collide with anything")
     return [to_trimesh(hull).apply_scale(1 / scale) for hull in hulls]

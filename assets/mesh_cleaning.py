@@ -129,7 +129,7 @@ def _split_at_junctions(mesh: trimesh.Trimesh, size: float, file: str, notes: li
 
 
 def _fan(face: list[int], cuts: dict[int, np.ndarray]) -> list[list[int]]:
-    """Return triangles that fill a triangle with vertices on its edges, keyed by the corner at which the edge starts."""
+    """Return triangles that fill a triangle with vertices on its edges, by the corner at which the edge starts."""
     for turn in range(3):
         a, b, c = face[turn:] + face[:turn]
         if a in cuts:

@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from manifold3d import Error, Manifold
 
 from simpick.assets.csg import cut, to_manifold, to_trimesh, union
-from simpick.assets.mesh_cleaning import open_edge_lines, open_edges
+from simpick.assets.mesh_cleaning import open_edges
 from simpick.assets.surface import SurfaceDistance
 from simpick.assets.voxel_wrap import wrapped
 from simpick.assets.winding import misplaced_share
@@ -149,8 +149,8 @@ def _wrapped(mesh: trimesh.Trimesh, file: str, notes: list[str], reason: str) ->
         )
     moved = _moved_m(mesh, found)
     notes.append(
-        f"{file}: {reason}; replaced by a wrap of {len(found.faces)} faces that lies within {moved * 1e3:.2g} mm of the "
-        "surface (99 % of it). Small holes and inner surfaces are gone; export a clean solid where they matter"
+        f"{file}: {reason}; replaced by a wrap of {len(found.faces)} faces that lies within {moved * 1e3:.2g} mm of "
+        "the surface (99 % of it). Small holes and inner surfaces are gone; export a clean solid where they matter"
     )
     return found
 

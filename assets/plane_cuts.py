@@ -111,8 +111,7 @@ def _candidate_planes(solid: Manifold) -> Iterator[tuple[float, float, float, fl
     planes *= np.sign(planes[np.arange(len(planes)), np.abs(planes[:, :3]).argmax(axis=1)])[:, None]
     grid = np.array([0.02, 0.02, 0.02, 0.01 * float((high - low).max())])
     unique = np.unique(np.round(planes / grid).astype(int), axis=0, return_index=True)[1]
-    for a, b, c, d in planes[np.sort(unique)].tolist():
-        yield a, b, c, d
+    yield from planes[np.sort(unique)].tolist()
 
 
 def _plane(normal: Float[np.ndarray, "3"], point: Float[np.ndarray, "3"]) -> Float[np.ndarray, "4"]:

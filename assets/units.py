@@ -1,4 +1,4 @@
-"""Which unit a CAD file is in: files rarely state it, so the most plausible size decides, and the choice is explained."""
+"""Which unit a CAD file is in: files rarely state it, so the most plausible size decides, and the note says why."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Unit: TypeAlias = Literal["auto", "mm", "cm", "m", "inch"]
 METRES_PER_UNIT: dict[str, float] = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "inch": 0.0254}
 
 SMALLEST_M, LARGEST_M = 0.001, 1.0
-"""A part's longest side: outside this range contacts of rigid bodies cannot be simulated at the scene's time step."""
+"""A part's longest side: outside this range contacts cannot be simulated at the scene's time step."""
 USUAL_M = (0.005, 0.3)
 """Range of the longest side of parts that a gripper picks from a bin; the unit that leads there is the plausible one."""
 _ORDER = ("mm", "m", "inch", "cm")
@@ -36,8 +36,8 @@ def choose_unit(
 ) -> UnitChoice:
     """Return the unit of a file whose longest side is this many units.
 
-    "auto" takes the unit that the file states (`stated`), else the one that its name contains (``block_cm.stl``),
-    where that makes a possible size, else the first of mm, m, inch and cm in which the part is 5 mm to 300 mm long, else in which it is 1 mm to 1 m long.
+    "auto" takes the unit that the file states (`stated`) or that its name contains (``block_cm.stl``), where that makes
+    a possible size, else the first of mm, m, inch and cm in which the part is 5 mm to 300 mm long, else 1 mm to 1 m.
     Raises `MeshError` if none does or if the given unit makes a part of another size, `ConfigError` for a unit that
     does not exist.
     """
