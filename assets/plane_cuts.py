@@ -99,8 +99,7 @@ def _candidate_planes(solid: Manifold) -> Iterator[tuple[float, float, float, fl
     weight = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1) * angles[concave]
     for k in np.argsort(-weight, kind="stable")[:_CONCAVE_EDGES]:
         first, second = np.asarray(mesh.face_normals)[np.asarray(mesh.face_adjacency)[concave[k]]]
-        for normal in (first, second, first - second):
-            rows.append(_plane(normal, edges[k, 0]))
+        rows += [_plane(normal, edges[k, 0]) for normal in (first, second, first - second)]
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     for axis in np.eye(3):
         rows += [_plane(axis, low + s * (high - low)) for s in np.linspace(0, 1, _SECTIONS + 1)[1:-1]]

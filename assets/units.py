@@ -15,7 +15,7 @@ METRES_PER_UNIT: dict[str, float] = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "inch": 0
 SMALLEST_M, LARGEST_M = 0.001, 1.0
 """A part's longest side: outside this range contacts cannot be simulated at the scene's time step."""
 USUAL_M = (0.005, 0.3)
-"""Range of the longest side of parts that a gripper picks from a bin; the unit that leads there is the plausible one."""
+"""Range of the longest side of parts that are picked from a bin; a unit that leads there is plausible."""
 _ORDER = ("mm", "m", "inch", "cm")
 """Units by how often files are in them."""
 _IN_NAME = {"mm": "mm", "cm": "cm", "inch": "inch", "inches": "inch"}
