@@ -35,8 +35,6 @@ class Detection:
     score: float
     instance: int | None = None
     """Simulator's id of the instance this came from: for the oracle and for evaluation only, None elsewhere."""
-    amodal: bool = False
-    """Whether the box encloses the whole part (amodal) or only its visible pixels (modal)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,11 +36,10 @@ class BopDetection:
     where: str
     """File and entry, for errors."""
 
-    def detection(self, part: str, height: int, width: int, *, amodal: bool = False) -> Detection:
+    def detection(self, part: str, height: int, width: int) -> Detection:
         """Return the detection of `part` in an image of this size.
 
-        `amodal` states whether the file's boxes enclose whole objects, which the file does not record. A missing box is
-        computed from the mask. Raises `DatasetError` if the mask is of another size.
+        A missing box is computed from the mask. Raises `DatasetError` if the mask is of another size.
         """
         mask = None if self.segmentation is None else decode_rle(self.segmentation, height, width, self.where)
         box = self.box_xyxy_px
@@ -48,7 +47,7 @@ class BopDetection:
             if mask is None or not mask.any():
                 raise DatasetError(f"{self.where}: has neither a 'bbox' nor a 'segmentation' with pixels in it.")
             box = box_of_mask(mask)
-        return Detection(part, box, mask, self.score, amodal=amodal)
+        return Detection(part, box, mask, self.score)
 
 
 def read_detections(path: Path) -> list[BopDetection]:

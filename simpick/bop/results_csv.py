@@ -30,6 +30,11 @@ class BopResult:
     time_s: float
     """For the whole image, therefore equal in all its lines; negative if unknown."""
 
+    @property
+    def is_failed(self) -> bool:
+        """Return whether the method gave up: it then writes a translation of 0."""
+        return not self.T_camera_model[:3, 3].any()
+
 
 def read_results(path: Path) -> list[BopResult]:
     """Return a file's estimates in its order. Raises `DatasetError` naming the invalid line and field."""
@@ -89,8 +94,11 @@ def _parse(line: str, where: str) -> BopResult:
     score = float(_floats(fields[3], 1, "score", where)[0])
     R = _floats(fields[4], 9, "R", where).reshape(3, 3)
     t_mm = _floats(fields[5], 3, "t", where)
-    check_object_distance(t_mm, f"{where}: t")
-    T_camera_model = transform_from_bop(R, t_mm, f"{where}: R")
+    if t_mm.any():
+        check_object_distance(t_mm, f"{where}: t")
+        T_camera_model = transform_from_bop(R, t_mm, f"{where}: R")
+    else:
+        T_camera_model = np.eye(4)  # A failed estimate, whose R means nothing.
     return BopResult(scene_id, im_id, obj_id, score, T_camera_model, float(_floats(fields[6], 1, "time", where)[0]))
 
 

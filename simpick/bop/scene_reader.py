@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -19,6 +19,9 @@ from simpick.errors import DatasetError
 from simpick.geometry.image_boxes import box_of_mask
 from simpick.geometry.transforms import invert
 from simpick.records import CameraFrame, Detection
+
+BoxKind = Literal["bbox_visib", "bbox_obj"]
+"""Boxes of ``scene_gt_info``: around the visible pixels, or around the whole object, hidden parts included."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +116,28 @@ class BopScene:
             if mask.any():
                 detections.append(Detection(truth.part, box_of_mask(mask), mask, 1.0, truth.gt_id))
         return detections
+
+    def boxes(self, im_id: int, kind: BoxKind) -> list[Detection]:
+        """Return detections without masks from the annotations' boxes, score 1; those without a visible pixel left out.
+
+        Raises `DatasetError` where ``scene_gt_info`` lacks them.
+        """
+        infos, where = self._gt_info(im_id), self._where("scene_gt_info", im_id)
+        if infos is None:
+            raise DatasetError(f"{where}: no entry; boxes of annotations need it. Give a detections file.")
+        detections = []
+        for truth in self.truth(im_id):
+            x, y, width, height = required_numbers(infos[truth.gt_id], kind, 4, f"{where}, instance {truth.gt_id}")
+            if width >= 0 and height >= 0:
+                # As the toolkit computes it, the width is the last column minus the first.
+                box = np.array([x, y, x + width + 1, y + height + 1])
+                detections.append(Detection(truth.part, box, None, 1.0, truth.gt_id))
+        return detections
+
+    @property
+    def has_truth(self) -> bool:
+        """Return whether the scene has annotations; test sets of some data sets withhold them."""
+        return self._file("scene_gt").is_file()
 
     @cached_property
     def _cameras(self) -> dict[int, Any]:

@@ -17,10 +17,16 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from simpick.assets.part import Part
+    from simpick.bop import BopDataset, BopDetection
+    from simpick.bop.scene_reader import BoxKind
+    from simpick.estimators.base import Detector
     from simpick.pose_eval.pose_evaluation import PoseEvaluation
     from simpick.pose_eval.pose_images import PoseImage
+    from simpick.pose_eval.pose_sources import Answer
     from simpick.terminal import Console
 
+_ANNOTATED = ("perfect", "bbox_visib", "bbox_obj")
+"""Detections that come from a data set's annotations."""
 _OF_DATASET = ("results", "results_out", "split", "camera", "models", "max_images")
 
 
@@ -38,7 +44,7 @@ class Evaluate(Config):
     estimator: str = "oracle"
     """oracle, retrieval, coarse, fine, refined, retrieval_refined, or another package's; NAME@K: K hypotheses."""
     detections: str = "perfect"
-    """perfect, learned, another detector, or FILE.json in BOP's format; bins also: realistic or box."""
+    """perfect, learned, another detector, FILE.json of BOP; bins: realistic, box; data sets: bbox_visib, bbox_obj."""
     dataset: Annotated[Path | None, _unless_given("DIR", "simulated bins")] = None
     """Folder of a BOP data set."""
     split: Annotated[str | None, _unless_given("NAME", "test, or the only one")] = None
@@ -49,14 +55,12 @@ class Evaluate(Config):
     """Data set: folder of object models."""
     targets: str = "test_targets_bop19.json"
     """Data set: file of test targets, or "annotations" for all parts that are at least 10 % visible."""
-    amodal: bool = False
-    """Data set: the boxes of the detections enclose whole objects, hidden parts included."""
     results: Annotated[Path | None, _unless_given("FILE", "an estimator is run")] = None
-    """Data set: score this results CSV."""
+    """Data set: score this results CSV; needs neither detections nor masks."""
     results_out: Annotated[Path | None, _unless_given("FILE", "not written")] = None
     """Data set: results CSV to write, named METHOD_DATASET-SPLIT.csv for submission."""
     max_images: Annotated[PositiveInt | None, _unless_given("INT", "all")] = None
-    """Data set: how many images to use, from the first."""
+    """Data set: how many images to use, spread evenly over all."""
     bins: Annotated[NonNegativeInt, tyro.conf.arg(help_behavior_hint="(default: none, a data set)")] = 0
     """How many new bins to evaluate on, each seen by the overhead camera."""
     seed: NonNegativeInt = 0
@@ -93,59 +97,93 @@ class Evaluate(Config):
             detector_data(self.detections)
         if self.dataset is not None and self.detections in ("realistic", "box"):
             raise ConfigError(
-                "detections of a data set must be perfect, a detector's name, or a JSON file in BOP's format, got "
+                "detections of a data set must be perfect, bbox_visib, bbox_obj, a detector's name, or a JSON file in "
+                "BOP's format, got "
                 f"{self.detections!r}"
             )
 
     def _run_dataset(self, root: Path) -> int:
-        from simpick.bop import BopDataset, BopResult, read_detections, read_results, write_results
-        from simpick.estimators.detections import find_detector, is_file
+        from simpick.bop import BopDataset, BopResult, read_results, write_results
         from simpick.pose_eval import bop_evaluation
         from simpick.pose_eval.pose_evaluation import PoseEvaluator, score_images
-        from simpick.pose_eval.pose_sources import FileSource, make_source
-        from simpick.terminal import Console
+        from simpick.pose_eval.pose_sources import FileSource, answers, make_source
+        from simpick.terminal import Console, track
 
+        console = Console()
         dataset = BopDataset(root, self.split, camera=self.camera, models=self.models)
         if self.targets == "annotations":
             targets = bop_evaluation.truth_targets(dataset)
         else:
             targets = list(dataset.targets(self.targets))
-        keys = list(dict.fromkeys((t.scene_id, t.im_id) for t in targets))[: self.max_images]
-        chosen = set(keys)
-        targets = [t for t in targets if (t.scene_id, t.im_id) in chosen]
-        if self.detections == "perfect":
-            detections = None
-        elif is_file(self.detections):
-            detections = read_detections(Path(self.detections))
-        else:
-            detections = find_detector(self.detections).make()
+        targets = bop_evaluation.spread_images(targets, self.max_images)
+        has_truth = all(dataset.scene(k).has_truth for k in {target.scene_id for target in targets})
+        detections = self._detections_of(dataset, console, has_truth=has_truth)
 
         def part_of(name: str) -> Part:
             return dataset.models.part(dataset.models.obj_id(name))
 
         if self.results is not None:
-            method = self.results.stem
-            source = FileSource(bop_evaluation.estimates_from_results(dataset, read_results(self.results), method))
+            method, results = self.results.stem, read_results(self.results)
+            if failed := sum(result.is_failed for result in results):
+                console.print_line(f"note: {failed} of {len(results)} estimates failed (t = 0) and count as misses")
+            source = FileSource(bop_evaluation.estimates_from_results(dataset, results, method))
         else:
             method, source = self.estimator, make_source(self.estimator, part_of)
         lines: list[BopResult] = []
-        images = bop_evaluation.bop_images(dataset, targets, detections, amodal=self.amodal, depth=self.vsd)
-        model_of, delta_m = partial(bop_evaluation.bop_pose_model, dataset), bop_evaluation.vsd_delta_m(dataset)
-        console = Console()
-        with PoseEvaluator(model_of, vsd=self.vsd, delta_m=delta_m) as evaluator:
-            evaluation = score_images(
-                images,
-                source,
-                evaluator,
-                total=len(keys),
-                on_answer=lambda answer: lines.extend(bop_evaluation.results_from_answer(dataset, answer)),
-                console=console,
+
+        def keep(answer: Answer) -> None:
+            lines.extend(bop_evaluation.results_from_answer(dataset, answer))
+
+        images = bop_evaluation.bop_images(dataset, targets, detections, depth=self.vsd and has_truth)
+        total = len({(target.scene_id, target.im_id) for target in targets})
+        if has_truth:
+            model_of, delta_m = partial(bop_evaluation.bop_pose_model, dataset), bop_evaluation.vsd_delta_m(dataset)
+            with PoseEvaluator(model_of, vsd=self.vsd, delta_m=delta_m) as evaluator:
+                evaluation = score_images(images, source, evaluator, total=total, on_answer=keep, console=console)
+            of = "" if self.results is not None else f", {self.detections} detections"
+            self._print(console, evaluation, f"{method} on {dataset.name}{of}")
+        else:
+            for answer in track(answers(images, source), "images", total=total, console=console):
+                keep(answer)
+            console.print_line(
+                f"{len(lines)} estimates in {total} images; {dataset.name} has no true poses to compare with"
             )
-        self._print(console, evaluation, f"{method} on {dataset.name}, {self.detections} detections")
         if self.results_out is not None:
             write_results(self.results_out, lines)
             console.print_line(f"results: {self.results_out}")
         return 0
+
+    def _detections_of(
+        self, dataset: BopDataset, console: Console, *, has_truth: bool
+    ) -> list[BopDetection] | Detector | BoxKind | None:
+        """Return what `bop_images` takes; raise ConfigError for what a data set without true poses cannot give."""
+        from simpick.bop import read_detections
+        from simpick.estimators.detections import find_detector, is_file
+        from simpick.pose_eval.bop_evaluation import known_detections
+
+        if not has_truth and (self.results is not None or self.results_out is None):
+            raise ConfigError(
+                f"{dataset.name} has no true poses (scene_gt.json) to score with; write estimates with --results-out "
+                "METHOD_DATASET-SPLIT.csv"
+            )
+        if self.results is not None:
+            return []
+        if not has_truth and (self.detections in _ANNOTATED or self.estimator == "oracle"):
+            raise ConfigError(
+                f"{dataset.name} has no annotations (scene_gt.json), which perfect detections, boxes of annotations "
+                "and the oracle need; give --detections FILE or learned, and an estimator"
+            )
+        if self.detections == "perfect":
+            return None
+        if self.detections == "bbox_visib" or self.detections == "bbox_obj":
+            return self.detections
+        if not is_file(self.detections):
+            return find_detector(self.detections).make()
+        found = read_detections(Path(self.detections))
+        known = known_detections(dataset, found)
+        if len(known) < len(found):
+            console.print_line(f"note: {len(found) - len(known)} of {len(found)} detections are of unknown objects")
+        return known
 
     def _run_bins(self) -> int:
         from simpick.assets import get_part, library_part_names

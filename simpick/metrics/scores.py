@@ -93,6 +93,11 @@ class AverageRecalls:
         """Return BOP's AR, the mean of the three terms; None without the VSD term."""
         return None if self.ar_vsd is None else (self.ar_vsd + self.ar_mssd + self.ar_mspd) / 3
 
+    @property
+    def ar_computed(self) -> float:
+        """Return the mean of the terms that were computed: BOP's AR, or that of MSSD and MSPD without VSD."""
+        return (self.ar_mssd + self.ar_mspd) / 2 if self.ar is None else self.ar
+
 
 @dataclass(frozen=True, eq=False)
 class PoseScores:

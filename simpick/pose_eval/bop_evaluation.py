@@ -5,8 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 from simpick.bop import BopDataset, BopDetection, BopResult, BopScene, BopTarget
 from simpick.bop.detections_json import by_image
+from simpick.bop.scene_reader import BoxKind
 from simpick.bop.targets import MIN_VISIBLE_FRACTION
 from simpick.errors import DatasetError
 from simpick.estimators.base import Detector
@@ -39,16 +42,15 @@ def bop_pose_model(dataset: BopDataset, part: str) -> PoseModel:
 def bop_images(
     dataset: BopDataset,
     targets: Sequence[BopTarget],
-    detections: Sequence[BopDetection] | Detector | None = None,
+    detections: Sequence[BopDetection] | Detector | BoxKind | None = None,
     *,
-    amodal: bool = False,
     depth: bool = True,
 ) -> Iterator[PoseImage]:
     """Yield the images that the targets name, in the targets' order.
 
     Per image and target object, the `detections` with the highest scores are used, as many as there are instances to
-    find; those of a detector likewise; if None, the annotations' visible masks are used. `amodal` states whether the
-    file's boxes enclose whole objects.
+    find; those of a detector likewise. If None, the annotations' visible masks are used, and a `BoxKind` stands for
+    their boxes. Images of scenes without annotations have no truths.
     """
     wanted: dict[tuple[int, int], dict[str, int]] = {}
     for target in targets:
@@ -58,7 +60,7 @@ def bop_images(
             )
         name = dataset.models.name(target.obj_id)
         wanted.setdefault((target.scene_id, target.im_id), {})[name] = target.inst_count
-    found = by_image(() if detections is None or isinstance(detections, Detector) else detections)
+    found = by_image(detections if isinstance(detections, Sequence) and not isinstance(detections, str) else ())
     scene: BopScene | None = None
     for (scene_id, im_id), counts in wanted.items():
         if scene is None or scene.scene_id != scene_id:
@@ -67,10 +69,11 @@ def bop_images(
         # Without scene_gt_info visibility is unknown: all instances count alike.
         truths = tuple(
             PoseTruth(t.part, t.T_camera_part, 1.0 if t.visible_fraction is None else t.visible_fraction, t.gt_id)
-            for t in scene.truth(im_id)
+            for t in (scene.truth(im_id) if scene.has_truth else ())
         )
-        if detections is None:
-            chosen, seconds = [d for d in scene.detections(im_id) if d.part in counts], 0.0
+        if detections is None or isinstance(detections, str):
+            own = scene.detections(im_id) if detections is None else scene.boxes(im_id, detections)
+            chosen, seconds = [d for d in own if d.part in counts], 0.0
         elif isinstance(detections, Detector):
             start = time.perf_counter()
             parts = [dataset.models.part(dataset.models.obj_id(name)) for name in counts]
@@ -79,7 +82,7 @@ def bop_images(
             chosen = [d for name, count in counts.items() for d in [d for d in seen if d.part == name][:count]]
         else:
             entries = found.get((scene_id, im_id), [])
-            chosen = _best(dataset, entries, counts, frame, amodal)
+            chosen = _best(dataset, entries, counts, frame)
             seconds = max((entry.time_s for entry in entries), default=0.0)
         yield PoseImage(scene_id, im_id, frame, tuple(chosen), truths, counts, max(seconds, 0.0))
 
@@ -97,12 +100,29 @@ def truth_targets(dataset: BopDataset, min_visible_fraction: float = MIN_VISIBLE
     return targets
 
 
+def spread_images(targets: Sequence[BopTarget], count: int | None) -> list[BopTarget]:
+    """Return the targets of `count` images, spread evenly over all; None stands for all."""
+    keys = list(dict.fromkeys((t.scene_id, t.im_id) for t in targets))
+    if count is None or count >= len(keys):
+        return list(targets)
+    chosen = {keys[round(k)] for k in np.linspace(0, len(keys) - 1, count)}
+    return [t for t in targets if (t.scene_id, t.im_id) in chosen]
+
+
+def known_detections(dataset: BopDataset, detections: Sequence[BopDetection]) -> list[BopDetection]:
+    """Return the detections of objects that the data set has models of."""
+    known = set(dataset.models.obj_ids)
+    return [detection for detection in detections if detection.obj_id in known]
+
+
 def estimates_from_results(
     dataset: BopDataset, results: Sequence[BopResult], method: str
 ) -> dict[tuple[int, int], list[PoseEstimate]]:
-    """Return the estimates of a results CSV by scene and image, in the file's order."""
+    """Return the estimates of a results CSV by scene and image, in the file's order, without the failed ones."""
     estimates: dict[tuple[int, int], list[PoseEstimate]] = {}
     for r in results:
+        if r.is_failed:
+            continue
         part = dataset.models.part(r.obj_id)
         estimate = PoseEstimate(part.name, r.T_camera_model @ part.T_cad_part, r.score, method, max(r.time_s, 0.0))
         estimates.setdefault((r.scene_id, r.im_id), []).append(estimate)
@@ -121,7 +141,7 @@ def results_from_answer(dataset: BopDataset, answer: Answer) -> list[BopResult]:
 
 
 def _best(
-    dataset: BopDataset, entries: Sequence[BopDetection], counts: dict[str, int], frame: CameraFrame, amodal: bool
+    dataset: BopDataset, entries: Sequence[BopDetection], counts: dict[str, int], frame: CameraFrame
 ) -> list[Detection]:
     """Return the detections of each target part with the highest scores, as many as there are instances to find."""
     height, width = frame.rgb.shape[:2]
@@ -131,5 +151,5 @@ def _best(
         name = dataset.models.name(entry.obj_id)
         if left.get(name, 0) > 0:
             left[name] -= 1
-            chosen.append(entry.detection(name, height, width, amodal=amodal))
+            chosen.append(entry.detection(name, height, width))
     return chosen

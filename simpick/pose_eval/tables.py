@@ -14,12 +14,17 @@ ERRORS = ("deg", "mm", "depth %", "<5 deg", "<15 deg", "<30 deg")
 
 
 def recall_table(evaluation: PoseEvaluation, title: str) -> Table:
-    """Return AR and its three terms per part and overall, as percentages."""
-    rows = [(name, f"{r.targets}", *recall_cells(r)) for name, r in evaluation.scores.by_part.items()]
-    table = narrow_table("part", "targets", "AR", "VSD", "MSSD", "MSPD", title=title, rows=rows)
-    table.add_section()
+    """Return AR and its three terms per part and overall, as percentages; without VSD, AR is that of the other two."""
     overall = evaluation.scores.overall
-    table.add_row("all", f"{overall.targets}", *recall_cells(overall))
+    heading = "AR" if overall.ar is not None else "AR of 2"
+
+    def row(name: str, recalls: AverageRecalls) -> tuple[str, ...]:
+        return (name, f"{recalls.targets}", f"{100 * recalls.ar_computed:.1f}", *recall_cells(recalls)[1:])
+
+    rows = [row(name, recalls) for name, recalls in evaluation.scores.by_part.items()]
+    table = narrow_table("part", "targets", heading, "VSD", "MSSD", "MSPD", title=title, rows=rows)
+    table.add_section()
+    table.add_row(*row("all", overall))
     return table
 
 

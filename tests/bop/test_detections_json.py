@@ -19,9 +19,9 @@ def _file(tmp_path, *entries):
 def test_boxes_become_corners_and_masks_are_optional(tmp_path):
     (found,) = read_detections(_file(tmp_path, ENTRY | {"segmentation": {}}))
     assert (found.scene_id, found.im_id, found.obj_id, found.score, found.time_s) == (4, 0, 2, 0.7, 0.25)
-    detection = found.detection("rod", 48, 64, amodal=True)
+    detection = found.detection("rod", 48, 64)
     np.testing.assert_array_equal(detection.box_xyxy_px, [3, 4, 13, 24])
-    assert detection.mask is None and detection.amodal
+    assert detection.mask is None
 
 
 def test_a_missing_box_is_taken_from_the_mask(tmp_path):

@@ -2,19 +2,21 @@
 
 import dataclasses
 import json
+import shutil
 
 import numpy as np
 import pytest
 
-from simpick.bop import BopDataset, BopDetection, BopResult, read_detections, read_results, write_results
+from simpick.bop import BopDataset, BopDetection, BopResult, BopTarget, read_detections, read_results, write_results
 from simpick.bop.rle import encode_rle
 from simpick.cli.evaluate import Evaluate
 from simpick.errors import ConfigError, DatasetError, OutputError, SimpickError
-from simpick.geometry import invert, transform, transform_points
+from simpick.geometry import box_of_mask, invert, transform, transform_points
 from simpick.pose_eval.bop_evaluation import (
     bop_images,
     bop_pose_model,
     estimates_from_results,
+    spread_images,
     truth_targets,
     vsd_delta_m,
 )
@@ -172,6 +174,90 @@ def test_the_command_prints_recalls_and_writes_results(root, tmp_path, capsys):
     assert len(read_results(out)) == 4
     assert Evaluate(dataset=root, vsd=False, results=out, max_images=1).run() == 0
     assert "1 images" in capsys.readouterr().out
+
+
+def _without_truth(root):
+    for name in ("scene_gt.json", "scene_gt_info.json"):
+        (root / "test/000004" / name).unlink()
+    for folder in ("mask", "mask_visib"):
+        shutil.rmtree(root / "test/000004" / folder)
+
+
+def test_a_data_set_without_truth_gives_results_and_no_table(root, instances, tmp_path, capsys):
+    mask = encode_rle(instances[1].mask)
+    x0, y0, x1, y1 = 30, 20, 41, 40
+    found = [{"scene_id": 4, "image_id": 0, "category_id": k, "bbox": [x0, y0, x1 - x0, y1 - y0]} for k in (2, 77, 78)]
+    (tmp_path / "found.json").write_text(json.dumps([f | {"score": 0.5, "segmentation": mask} for f in found]))
+    _without_truth(root)
+    given = {"dataset": root, "detections": str(tmp_path / "found.json"), "estimator": "retrieval"}
+    out = tmp_path / "mine_tiny-test.csv"
+    assert Evaluate(**given, results_out=out).run() == 0
+    text = capsys.readouterr().out
+    assert "note: 2 of 3 detections are of unknown objects" in text
+    assert "1 estimates in 2 images; tiny has no true poses to compare with" in text.replace("\n", " ")
+    (result,) = read_results(out)
+    assert (result.scene_id, result.im_id, result.obj_id) == (4, 0, 2)
+    _check_as_the_bop_toolkit(out)
+    with pytest.raises(ConfigError, match=r"tiny has no true poses \(scene_gt.json\) to score with; write estimates"):
+        Evaluate(**given).run()
+    with pytest.raises(ConfigError, match=r"tiny has no annotations .*; give --detections FILE or learned"):
+        Evaluate(dataset=root, results_out=out).run()
+
+
+def _check_as_the_bop_toolkit(path):
+    """Check a results CSV as ``bop_toolkit_lib.inout.load_bop_results`` (version bop19) and its format check do."""
+    lines = path.read_text().splitlines()
+    assert lines[0] == "scene_id,im_id,obj_id,score,R,t,time"
+    times = {}
+    for line in lines[1:]:
+        scene_id, im_id, _, score, R, t, time_s = line.split(",")
+        assert np.array(list(map(float, R.split()))).reshape(3, 3).shape == (3, 3)
+        assert len(list(map(float, t.split()))) == 3 and float(score) == float(score)
+        assert times.setdefault((int(scene_id), int(im_id)), float(time_s)) == float(time_s)
+    assert path.stem.count("_") == 1 and "-" in path.stem.split("_")[1], "METHOD_DATASET-SPLIT.csv"
+
+
+def test_results_need_neither_masks_nor_detections(root, tmp_path, capsys):
+    write_results(tmp_path / "mine_tiny-test.csv", _true_results(BopDataset(root)))
+    for folder in ("mask", "mask_visib"):
+        shutil.rmtree(root / "test/000004" / folder)
+    assert Evaluate(dataset=root, vsd=False, results=tmp_path / "mine_tiny-test.csv").run() == 0
+    text = capsys.readouterr().out
+    assert "mine_tiny-test on tiny" in text and "AR of 2" in text
+    row = next(line for line in text.splitlines() if line.split()[:1] == ["all"])
+    assert row.split() == ["all", "4", "100.0", "-", "100.0", "100.0"]
+
+
+def test_failed_estimates_are_misses_with_a_note(root, tmp_path, capsys):
+    path = tmp_path / "mine_tiny-test.csv"
+    write_results(path, _true_results(BopDataset(root)))
+    lines = path.read_text().splitlines()
+    scene_id, im_id, obj_id, score, _, _, time_s = lines[1].split(",")
+    lines[1] = ",".join([scene_id, im_id, obj_id, score, "0 0 0 0 0 0 0 0 0", "0 0 0", time_s])
+    path.write_text("\n".join(lines))
+    assert Evaluate(dataset=root, vsd=False, results=path).run() == 0
+    text = capsys.readouterr().out
+    assert "note: 1 of 6 estimates failed (t = 0) and count as misses" in text
+    row = next(line for line in text.splitlines() if line.split()[:1] == ["block"])
+    assert row.split() == ["block", "2", "50.0", "-", "50.0", "50.0"]
+
+
+@pytest.mark.parametrize(("kind", "instance"), [("bbox_visib", 0), ("bbox_obj", 0)])
+def test_boxes_of_annotations_stand_for_detections(root, instances, kind, instance):
+    dataset = BopDataset(root)
+    image = next(bop_images(dataset, dataset.targets(), kind))
+    own = instances[instance]
+    mask = own.mask if kind == "bbox_obj" else own.visible_mask
+    detection = next(d for d in image.detections if d.part == "block")
+    assert detection.mask is None and detection.box_xyxy_px.tolist() == box_of_mask(mask).tolist()
+    assert len(image.detections) == 2, "what is not visible has no box"
+
+
+def test_some_images_are_spread_over_all():
+    targets = [BopTarget(scene_id, im_id, 1, 1) for scene_id in (1, 2) for im_id in range(50)]
+    chosen = spread_images(targets, 3)
+    assert [(t.scene_id, t.im_id) for t in chosen] == [(1, 0), (2, 0), (2, 49)]
+    assert spread_images(targets, None) == spread_images(targets, 1000) == targets
 
 
 @pytest.mark.parametrize(

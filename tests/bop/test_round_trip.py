@@ -83,7 +83,7 @@ def test_evaluation_points_hold_the_mesh_and_are_dense(root):
 
 def test_true_detections_are_the_visible_masks_with_their_boxes(root, instances):
     detections = BopDataset(root).scene(4).detections(0)
-    assert [(d.part, d.instance, d.amodal) for d in detections] == [("block", 0, False), ("rod", 1, False)]
+    assert [(d.part, d.instance) for d in detections] == [("block", 0), ("rod", 1)]
     np.testing.assert_array_equal(detections[0].mask, instances[0].visible_mask)
     np.testing.assert_array_equal(detections[0].box_xyxy_px, [10, 9, 20, 13])
     assert [d.part for d in BopDataset(root).scene(4).detections(0, min_visible_fraction=0.6)] == ["rod"]

@@ -41,7 +41,6 @@ def test_perfect_detections_are_the_visible_masks_largest_first(frame):
     np.testing.assert_array_equal(detections[1].mask, frame.instances == 0)
     np.testing.assert_array_equal(detections[1].box_xyxy_px, [10, 10, 30, 30])
     assert [d.score for d in detections] == [1.0, 400 / 1200, 240 / 1200]
-    assert not any(d.amodal for d in detections)
 
 
 def test_only_parts_asked_for_are_detected(frame):
