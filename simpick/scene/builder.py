@@ -39,19 +39,25 @@ def build_scene(config: SceneConfig, seed: int) -> Scene:
     return _filled(config, seed, parts, compose_scene(config, parts, seed))
 
 
-def build_scene_of(config: SceneConfig, parts: Sequence[Part], seed: int, look: Look) -> Scene:
+def build_scene_of(
+    config: SceneConfig, parts: Sequence[Part], seed: int, look: Look, *, aligned: bool = False
+) -> Scene:
     """Return a settled scene of exactly these instances in this look; the seed decides how they fall.
+
+    With `aligned`, they fall nearly in a common orientation (see `settle`).
 
     For data made in bulk: what `config` says of parts, count and randomization is not read, and such a scene cannot
     be loaded once saved. Raises SceneError as `build_scene` does.
     """
     check_fit(list({part.name: part for part in parts}.values()), config.bin)
     check_capacity(parts, config.bin)
-    return _filled(config, seed, parts, compose_with_look(config, parts, look))
+    return _filled(config, seed, parts, compose_with_look(config, parts, look), aligned=aligned)
 
 
-def _filled(config: SceneConfig, seed: int, parts: Sequence[Part], spec: mujoco.MjSpec) -> Scene:
-    settled = settle(config, parts, drop_generator(seed))
+def _filled(
+    config: SceneConfig, seed: int, parts: Sequence[Part], spec: mujoco.MjSpec, *, aligned: bool = False
+) -> Scene:
+    settled = settle(config, parts, drop_generator(seed), aligned=aligned)
     scene = Scene(config, seed, parts, spec.compile())
     scene.redropped = settled.redropped
     scene.go_home()

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from simpick.assets.part import Part
 from simpick.errors import SceneError
-from simpick.geometry.transforms import random_rotation, transform
+from simpick.geometry.transforms import random_rotation, so3_exp, transform
 from simpick.scene.composition import body_name, compose_settling
 from simpick.scene.config import SceneConfig
 from simpick.scene.parking import park, release
@@ -33,6 +33,8 @@ _TRIALS = 20
 # Parts fall as if through honey, at most at gravity / rate = 0.65 m/s: faster ones would pass through thin walls
 # of other parts within a step. The last stretch is simulated without it.
 _DRAG_RATE_1_S = 15.0
+# Standard deviation about each axis of aligned orientations.
+_ALIGNED_RAD = 0.08
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,18 +47,20 @@ class Settled:
     """How many times a part had left the bin or run into another one, and was dropped again."""
 
 
-def settle(config: SceneConfig, parts: Sequence[Part], rng: np.random.Generator) -> Settled:
+def settle(config: SceneConfig, parts: Sequence[Part], rng: np.random.Generator, *, aligned: bool = False) -> Settled:
     """Drop every part into the bin and wait until all rest inside it and do not overlap.
 
+    Parts fall in random orientations, or, if `aligned`, nearly in a common one, so that many lie flush on one another.
     The arm stays out of it: it is far from the bin, and parts alone are quicker to simulate. Raises SceneError if
     some parts do not stay in the bin.
     """
-    return _Dropping(config, parts, rng).run()
+    return _Dropping(config, parts, rng, aligned).run()
 
 
 class _Dropping:
-    def __init__(self, config: SceneConfig, parts: Sequence[Part], rng: np.random.Generator) -> None:
+    def __init__(self, config: SceneConfig, parts: Sequence[Part], rng: np.random.Generator, aligned: bool) -> None:
         self._config, self._parts, self._rng = config, parts, rng
+        self._common = random_rotation(rng) if aligned else None
         self._model = compose_settling(config, parts).compile()
         # A part that balances on its edge moves slowly at first: it must not fall asleep there.
         self._model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
@@ -115,11 +119,17 @@ class _Dropping:
                 rest.append(k)
                 continue
             placed.append((xy, radius))
-            T_world_part = transform(random_rotation(self._rng), np.array([*xy, top + radius + 0.002]))
+            T_world_part = transform(self._orientation(), np.array([*xy, top + radius + 0.002]))
             release(self._model, self._data, body_name(k), T_world_part)
             self._inside[k] = True
         wake_all(self._model, self._data)
         return rest
+
+    def _orientation(self) -> Float[np.ndarray, "3 3"]:
+        if self._common is None:
+            return random_rotation(self._rng)
+        half_turns = np.array([0.0, 0.0, np.pi * self._rng.integers(2)])
+        return so3_exp(self._rng.normal(0, _ALIGNED_RAD, 3) + half_turns) @ self._common
 
     def _free_place(
         self, centre: Float[np.ndarray, "2"], slack: Float[np.ndarray, "2"], radius: float, placed: list

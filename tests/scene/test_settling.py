@@ -5,9 +5,11 @@ import sys
 import numpy as np
 import pytest
 
+from simpick.assets.library import get_part
 from simpick.errors import SceneError
+from simpick.geometry.transforms import matrix_from_quaternion
 from simpick.scene import BinConfig, ContactGroup, SceneConfig, build_scene
-from simpick.scene.settling import MAX_PENETRATION_M
+from simpick.scene.settling import MAX_PENETRATION_M, settle
 from simpick.scene.sleep import wake_all
 
 _OTHER_PROCESS = """
@@ -100,3 +102,16 @@ def test_sleeping_does_not_hide_a_blow(scene):
             break
     assert scene.data.tree_awake[trees[1]]
     assert scene.touching(ContactGroup.PART, ContactGroup.PART)
+
+
+@pytest.mark.parametrize(("name", "seed"), [("l_bracket", 2), ("pipe_tee", 3)])
+def test_aligned_parts_come_to_rest_parallel_to_one_another(name, seed):
+    config = SceneConfig(parts=(name,), count=12)
+    parts = [get_part(name)] * 12
+
+    def parallelism(aligned):
+        qpos = settle(config, parts, np.random.default_rng(seed), aligned=aligned).qpos
+        vertical = matrix_from_quaternion(qpos[:, 3:])[:, 2]
+        return np.median(np.abs(vertical @ vertical.T)[np.triu_indices(12, 1)])
+
+    assert parallelism(True) > 0.95 and parallelism(True) > parallelism(False) + 0.2

@@ -30,8 +30,12 @@ def random_part_seed(rng: np.random.Generator, split: Split) -> int:
     return 2 * int(rng.integers(2**40)) + (split == "validation")
 
 
-def random_bin(config: DataConfig, part: Part, rng: np.random.Generator, split: Split) -> Scene:
+def random_bin(
+    config: DataConfig, part: Part, rng: np.random.Generator, split: Split, *, aligned: bool = False
+) -> Scene:
     """Return a settled bin with several instances of `part`, and often other parts of the same split.
+
+    If `aligned`, the parts fall nearly in a common orientation, so that many lie flush on one another.
 
     The scene has the most lamps that a look can have; `relight` it before use.
 
@@ -55,7 +59,8 @@ def random_bin(config: DataConfig, part: Part, rng: np.random.Generator, split: 
             physics=_PHYSICS,
         )
         try:
-            return build_scene_of(scene_config, parts, int(rng.integers(2**31)), _richest_look(len(parts), rng))
+            seed, look = int(rng.integers(2**31)), _richest_look(len(parts), rng)
+            return build_scene_of(scene_config, parts, seed, look, aligned=aligned)
         except SceneError as error:
             # Too many for this bin, or not at rest: try fewer in another bin.
             last = error

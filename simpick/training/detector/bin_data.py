@@ -50,6 +50,8 @@ class BinDataConfig(Config):
     """Whether the part that a homogeneous bin holds, or that others are mixed with, is a bent one."""
     homogeneous_share: Fraction = 0.45
     """Share of bins that hold one part only."""
+    aligned_share: Fraction = 0.4
+    """Share of bins whose parts fall nearly in a common orientation, so that many lie flush on one another."""
     crowd_share: Fraction = 0.35
     """Share of bins that hold many kinds of parts; the rest hold two to four."""
     height_m: tuple[_Height, _Height] = (0.75, 1.05)
@@ -132,7 +134,7 @@ def _scene(config: BinDataConfig, index: int, rng: np.random.Generator, split: S
         drawn = replace(base, mixed_share=1.0, others=(1, 3), target_share=(0.3, 0.7))
     seed = random_part_seed(rng, split)
     part = random_curve(seed) if config.curved else random_part(seed)
-    return random_bin(drawn, part, rng, split)
+    return random_bin(drawn, part, rng, split, aligned=rng.random() < config.aligned_share)
 
 
 def _viewpoint(config: BinDataConfig, rng: np.random.Generator) -> Viewpoint:
