@@ -247,8 +247,11 @@ def _evaluation_model(part: Part) -> EvaluationModel:
 def _abstention(decision: Decision) -> str:
     if decision.abstained is PickOutcome.NOTHING_DETECTED:
         return "look: the detector found no part"
-    seen = len(decision.percept.estimates)
-    return f"plan: every grasp on the {seen} estimated parts was filtered out"
+    estimated = len(decision.percept.estimates)
+    if not estimated:
+        return f"estimate: none of the {len(decision.percept.detections)} detections got a pose"
+    reasons = ", ".join(f"{count} {why.value}" for why, count in decision.rejected.most_common() if count)
+    return f"plan: no grasp is left on the {estimated} estimated parts: {reasons or 'they have none'}"
 
 
 def episode_id(mode: str, gripper: str, seed: int) -> str:

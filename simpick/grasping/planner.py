@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import heapq
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Annotated
 
 import numpy as np
@@ -74,6 +77,29 @@ class WorldGrasp:
     """Share of the target that no other part covers."""
 
 
+class Rejection(StrEnum):
+    """Why a grasp is left out."""
+
+    FAILED = "failed before"
+    TILT = "tilted too far"
+    BIN = "meet the bin"
+    PARTS = "meet other parts"
+    REACH = "out of reach"
+    """Of the arm; `GraspPlanner` does not check it."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Target:
+    """One part's grasps that are to be checked for collisions, best first."""
+
+    index: int
+    origin_m: Float[np.ndarray, "3"]
+    grasps: list[Grasp]
+    Ts_world_tcp: Float[np.ndarray, "n 4 4"]
+    scores: Float[np.ndarray, "n"]
+    exposure: float
+
+
 class GraspPlanner:
     """Filters and ranks grasps of one gripper in one bin. Holds the parts' grasps and surface points."""
 
@@ -101,70 +127,119 @@ class GraspPlanner:
         scores: Sequence[float] | None = None,
         memory: FailureMemory | None = None,
     ) -> list[WorldGrasp]:
-        """Return the grasps that can be carried out, best first; an empty list if there are none.
+        """Return all grasps of `search`, best first; an empty list if there are none."""
+        return list(self.search(parts, Ts_world_part, scores=scores, memory=memory))
+
+    def search(
+        self,
+        parts: Sequence[Part],
+        Ts_world_part: Sequence[Float[np.ndarray, "4 4"]],
+        *,
+        scores: Sequence[float] | None = None,
+        memory: FailureMemory | None = None,
+        rejected: Counter[Rejection] | None = None,
+    ) -> Iterator[WorldGrasp]:
+        """Yield the grasps that can be carried out, best first; those of a part are made when they may be the next.
 
         `parts[k]` is estimated at `Ts_world_part[k]`, with a confidence `scores[k]` in [0, 1] if given. Every part is
-        an obstacle to the others. Reach is not checked.
+        an obstacle to the others. Reach is not checked. Grasps that are left out are counted in `rejected`.
         """
         for part in parts:
             self.prepare(part)
         clouds = [
             transform_points(T, self._points[part.content_hash]) for part, T in zip(parts, Ts_world_part, strict=True)
         ]
-        open_share = exposures(clouds)
-        top = max((float(cloud[:, 2].max()) for cloud in clouds), default=0.0)
-        found: list[WorldGrasp] = []
-        for k, part in enumerate(parts):
-            others = np.concatenate([c for j, c in enumerate(clouds) if j != k] or [np.zeros((0, 3))])
-            # Lower parts come later, so that no part is pulled out from under another.
-            height = np.exp(-(top - float(clouds[k][:, 2].max())) / 0.08)
-            weight = (0.1 + 0.9 * open_share[k] ** 2) * (0.6 + 0.4 * height)
-            if scores is not None:
-                weight *= float(np.clip(scores[k], 0.0, 1.0))
-            found += self._of_target(k, part, Ts_world_part[k], others, float(weight), float(open_share[k]), memory)
-        return sorted(found, key=lambda g: (-g.quality, g.target))
+        rejected = Counter() if rejected is None else rejected
+        weights, open_share = self._weights(clouds, scores)
+        targets = [
+            self._target(k, part, T, weight, exposure, memory, rejected)
+            for k, (part, T, weight, exposure) in enumerate(
+                zip(parts, Ts_world_part, weights, open_share.tolist(), strict=True)
+            )
+        ]
+        # A target is worth at most the score of its best grasp. Its grasps take its place once they are made.
+        queue = [(-target.scores.max(initial=0.0), target.index, 0, target) for target in targets]
+        heapq.heapify(queue)
+        while queue:
+            *_, best = heapq.heappop(queue)
+            if isinstance(best, WorldGrasp):
+                yield best
+                continue
+            others = np.concatenate([c for j, c in enumerate(clouds) if j != best.index] or [np.zeros((0, 3))])
+            for number, grasp in enumerate(self._grasps_of(best, others, rejected), 1):
+                heapq.heappush(queue, (-grasp.quality, best.index, number, grasp))
 
-    def _of_target(
+    def _weights(
+        self, clouds: Sequence[Float[np.ndarray, "n 3"]], scores: Sequence[float] | None
+    ) -> tuple[list[float], Float[np.ndarray, "parts"]]:
+        """Return what each part's grasps are worth for its confidence, exposure and height, and its exposure."""
+        open_share = exposures(clouds)
+        tops = [float(cloud[:, 2].max()) for cloud in clouds]
+        weights = []
+        for k, top in enumerate(tops):
+            # Lower parts come later, so that no part is pulled out from under another.
+            height = np.exp(-(max(tops) - top) / 0.08)
+            weight = float((0.1 + 0.9 * open_share[k] ** 2) * (0.6 + 0.4 * height))
+            weights.append(weight if scores is None else weight * float(np.clip(scores[k], 0.0, 1.0)))
+        return weights, open_share
+
+    def _target(
         self,
-        target: int,
+        index: int,
         part: Part,
         T_world_part: Float[np.ndarray, "4 4"],
-        others: Float[np.ndarray, "n 3"],
         weight: float,
         exposure: float,
         memory: FailureMemory | None,
-    ) -> list[WorldGrasp]:
-        """Return up to `grasps_per_target` feasible grasps of one part."""
-        config = self.config
+        rejected: Counter[Rejection],
+    ) -> _Target:
+        """Return the part's grasps that are steep enough and did not fail before, best first."""
         grasps, Ts_part_tcp = self._grasps[part.content_hash]
         Ts_world_tcp = T_world_part @ Ts_part_tcp
         descent = -Ts_world_tcp[:, 2, 2]
         scores = weight * np.array([g.quality for g in grasps]) * np.clip(descent, 0, 1) ** 2
-        if memory is not None:
-            scores = scores * memory.factors(part, T_world_part, Ts_world_tcp)
-        usable = np.flatnonzero(descent > np.cos(np.radians(config.largest_tilt_deg)))
-        order = usable[np.argsort(-scores[usable], kind="stable")][: config.tries_per_target]
-        near = others[np.linalg.norm(others - T_world_part[:3, 3], axis=-1) < 0.3]
+        factors = np.ones(len(grasps)) if memory is None else memory.factors(part, T_world_part, Ts_world_tcp)
+        scores = scores * factors
+        steep = descent > np.cos(np.radians(self.config.largest_tilt_deg))
+        rejected[Rejection.TILT] += int((~steep).sum())
+        rejected[Rejection.FAILED] += int((steep & (factors == 0)).sum())
+        usable = np.flatnonzero(steep & (factors > 0))
+        order = usable[np.argsort(-scores[usable], kind="stable")][: self.config.tries_per_target]
+        return _Target(
+            index, T_world_part[:3, 3], [grasps[k] for k in order], Ts_world_tcp[order], scores[order], exposure
+        )
+
+    def _grasps_of(
+        self, target: _Target, others: Float[np.ndarray, "n 3"], rejected: Counter[Rejection]
+    ) -> list[WorldGrasp]:
+        """Return up to `grasps_per_target` feasible grasps of one part."""
+        config = self.config
+        near = others[np.linalg.norm(others - target.origin_m, axis=-1) < 0.3]
         clearances = config.side_clearances_m if self.gripper.max_opening_m > 0 else (0.0,)
         free: list[WorldGrasp] = []
         brushing: list[WorldGrasp] = []
-        for index in order:
+        for grasp, T, score in zip(target.grasps, target.Ts_world_tcp, target.scores.tolist(), strict=True):
+            why = Rejection.BIN
             for choice, clearance in enumerate(clearances):
-                opening = min(grasps[index].width_m + 2 * clearance, self.gripper.max_opening_m)
-                T_world_tcp, back_m = self._off_the_floor(Ts_world_tcp[index], opening)
+                opening = min(grasp.width_m + 2 * clearance, self.gripper.max_opening_m)
+                T_world_tcp, back_m = self._off_the_floor(T, opening)
                 if back_m > config.most_back_off_m or not self._clears_bin(T_world_tcp, opening):
                     continue
+                why = Rejection.PARTS
                 touched = self._touched(T_world_tcp, opening, near)
                 if touched > config.most_points_touched:
                     continue
-                quality = float(scores[index]) * 0.8**choice * (1 - 0.5 * back_m / config.most_back_off_m)
+                why = None
+                quality = score * 0.8**choice * (1 - 0.5 * back_m / config.most_back_off_m)
                 if touched:
                     quality *= config.touching_factor / (1 + touched)
-                grasp = WorldGrasp(T_world_tcp, grasps[index], target, opening, quality, exposure)
-                (brushing if touched else free).append(grasp)
+                found = WorldGrasp(T_world_tcp, grasp, target.index, opening, quality, target.exposure)
+                (brushing if touched else free).append(found)
                 # A narrower opening may be free where a wider one brushes something.
                 if not touched:
                     break
+            if why is not None:
+                rejected[why] += 1
             if len(free) == config.grasps_per_target:
                 break
         return free or sorted(brushing, key=lambda g: -g.quality)[: config.grasps_per_target]

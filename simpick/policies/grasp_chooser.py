@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 from jaxtyping import Float
 
 from simpick.assets.part import Part
-from simpick.grasping import FailureMemory, GraspPlanner, WorldGrasp
+from simpick.grasping import FailureMemory, GraspPlanner, Rejection, WorldGrasp
 from simpick.motion import MotionConfig, NoPlan, PickPlanner
 from simpick.records import PoseEstimate
 from simpick.scene import SceneConfig
@@ -16,6 +19,16 @@ from simpick.scene.workspace import tcp_workspace
 
 MAX_REACH_CHECKS = 40
 """Reach is checked for this many of the best grasps before none is chosen."""
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """The grasp to carry out."""
+
+    grasp: WorldGrasp | None
+    """None if there is none."""
+    rejected: Counter[Rejection]
+    """How many better grasps were left out, by reason."""
 
 
 class GraspChooser:
@@ -36,13 +49,18 @@ class GraspChooser:
 
     def choose(
         self, estimates: Sequence[PoseEstimate], T_world_camera: Float[np.ndarray, "4 4"], memory: FailureMemory
-    ) -> WorldGrasp | None:
-        """Return the best grasp that the arm can reach; None if there is none."""
+    ) -> Choice:
+        """Return the best grasp that the arm can reach, and how many were left out on the way there."""
         parts = [self._part_of[estimate.part] for estimate in estimates]
         Ts_world_part = [T_world_camera @ estimate.T_camera_part for estimate in estimates]
         scores = [estimate.score for estimate in estimates]
-        grasps = self._grasps.plan(parts, Ts_world_part, scores=scores, memory=memory)
-        return next((grasp for grasp in grasps[:MAX_REACH_CHECKS] if self._reachable(grasp)), None)
+        rejected: Counter[Rejection] = Counter()
+        grasps = self._grasps.search(parts, Ts_world_part, scores=scores, memory=memory, rejected=rejected)
+        for grasp in islice(grasps, MAX_REACH_CHECKS):
+            if self._reachable(grasp):
+                return Choice(grasp, rejected)
+            rejected[Rejection.REACH] += 1
+        return Choice(None, rejected)
 
     def _reachable(self, grasp: WorldGrasp) -> bool:
         inside = bool(self.workspace.contains(grasp.T_world_tcp[None, :3, 3])[0])

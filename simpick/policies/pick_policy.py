@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,9 +18,10 @@ from simpick.envs.observations import frame_from_observation
 from simpick.envs.spaces import outcome_from_index
 from simpick.errors import ConfigError
 from simpick.estimators.base import PoseRefiner
+from simpick.estimators.boundary import without_truth
 from simpick.geometry import invert
-from simpick.grasping import FailureMemory, WorldGrasp
-from simpick.policies.closer_look import CloserLook
+from simpick.grasping import FailureMemory, Rejection, View, WorldGrasp
+from simpick.policies.closer_look import CloserLook, silhouette
 from simpick.policies.grasp_chooser import GraspChooser
 from simpick.policies.perception import Percept, Perception
 from simpick.records import CameraFrame, PickOutcome, PoseEstimate
@@ -30,12 +33,15 @@ class Decision:
     """What the policy saw and chose for one pick: for recording and evaluation."""
 
     percept: Percept
-    T_world_camera: Float[np.ndarray, "4 4"]
-    """Of the camera that the percept's poses are given in."""
+    """Where a pose has failed and nothing has changed since, with the next hypothesis in its place."""
+    frame: CameraFrame
+    """What was seen; the percept's poses are given in its camera."""
     grasp: WorldGrasp | None
     """None if the policy abstained."""
     abstained: PickOutcome | None
     """Why it abstained: `NOTHING_DETECTED` or `NO_GRASP`; None if it did not."""
+    rejected: Counter[Rejection]
+    """How many better grasps were left out, by reason."""
     plan_s: float
     """Wall-clock seconds of choosing the grasp."""
 
@@ -43,6 +49,11 @@ class Decision:
     def target(self) -> PoseEstimate | None:
         """Return the estimate that the grasp was chosen on."""
         return None if self.grasp is None else self.percept.estimates[self.grasp.target]
+
+    @property
+    def T_world_target(self) -> Float[np.ndarray, "4 4"] | None:
+        """Return the pose of the target in the world."""
+        return None if self.target is None else self.frame.T_world_camera @ self.target.T_camera_part
 
 
 class PickPolicy:
@@ -104,17 +115,20 @@ class PickPolicy:
 
     def decide(self, observation: dict[str, Any], percept: Percept) -> np.ndarray:
         """Return the action for an observation whose percept is known: what `act` does after looking."""
+        frame = without_truth(frame_from_observation(observation))
         self._learn(outcome_from_index(int(observation["last_outcome"])))
+        self._memory.look(frame.rgb)
         self.closer_view = self._T_world_closer = None
         start = time.perf_counter()
-        T_world_camera = observation["T_world_camera"]
-        grasp = self._chooser.choose(percept.estimates, T_world_camera, self._memory)
-        plan_s = time.perf_counter() - start
+        percept = replace(percept, estimates=tuple(map(partial(self._not_ruled_out, frame), percept.estimates)))
+        choice = self._chooser.choose(percept.estimates, frame.T_world_camera, self._memory)
+        grasp, why = choice.grasp, None
         if grasp is None:
             why = PickOutcome.NO_GRASP if percept.detections else PickOutcome.NOTHING_DETECTED
-            self._decision = Decision(percept, T_world_camera, None, why, plan_s)
+        plan_s = time.perf_counter() - start
+        self._decision = Decision(percept, frame, grasp, why, choice.rejected, plan_s)
+        if grasp is None:
             return ABSTAIN
-        self._decision = Decision(percept, T_world_camera, grasp, None, plan_s)
         chooser = self._chooser
         return encode_action(grasp.T_world_tcp, grasp.opening_m, chooser.workspace, chooser.max_opening_m)
 
@@ -129,10 +143,9 @@ class PickPolicy:
         if self._closer is None:
             raise ConfigError("look needs a policy with a refiner: PickPolicy(..., look_closer=refiner)")
         self.closer_view = self._T_world_closer = None
-        target = self.decision.target
-        if target is None:
+        target, T_world_part = self.decision.target, self.decision.T_world_target
+        if target is None or T_world_part is None:
             return None
-        T_world_part = self.decision.T_world_camera @ target.T_camera_part
         self.closer_view = self._closer.refined(frame, target.part, T_world_part)
         if self.closer_view is None:
             return None
@@ -144,15 +157,29 @@ class PickPolicy:
         """Return where the last decision's target was seen last: closely, if it was found again, else from above."""
         if self._T_world_closer is not None:
             return self._T_world_closer
-        target = self.decision.target
-        return None if target is None else self.decision.T_world_camera @ target.T_camera_part
+        return self.decision.T_world_target
 
     def _learn(self, outcome: PickOutcome | None) -> None:
         """Remember the last attempt if it failed."""
         decision = self._decision
         if outcome in (None, PickOutcome.SUCCESS) or decision is None or decision.target is None:
             return
-        assert decision.grasp is not None
-        T_world_part = decision.T_world_camera @ decision.target.T_camera_part
-        part = next(part for part in self.parts if part.name == decision.target.part)
-        self._memory.remember(part, T_world_part, decision.grasp.T_world_tcp)
+        T_world_part = decision.T_world_target
+        assert decision.grasp is not None and T_world_part is not None
+        part = self._part(decision.target)
+        view = View.of(decision.frame.rgb, silhouette(decision.frame, part, decision.target.T_camera_part))
+        missed = outcome is PickOutcome.MISSED
+        self._memory.remember(part, T_world_part, decision.grasp.T_world_tcp, missed=missed, view=view)
+
+    def _not_ruled_out(self, frame: CameraFrame, estimate: PoseEstimate) -> PoseEstimate:
+        """Return the estimate, with its best hypothesis that memory does not rule out, if there is one."""
+        part = self._part(estimate)
+        if not self._memory.is_ruled_out(part, frame.T_world_camera @ estimate.T_camera_part):
+            return estimate
+        for other in estimate.hypotheses[1:]:
+            if not self._memory.is_ruled_out(part, frame.T_world_camera @ other.T_camera_part):
+                return replace(estimate, T_camera_part=other.T_camera_part)
+        return estimate
+
+    def _part(self, estimate: PoseEstimate) -> Part:
+        return next(part for part in self.parts if part.name == estimate.part)

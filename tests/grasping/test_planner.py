@@ -1,3 +1,4 @@
+from collections import Counter
 from itertools import pairwise
 
 import numpy as np
@@ -7,7 +8,7 @@ from simpick.assets.grippers.sampling.boxes import box_surface_points, points_in
 from simpick.assets.library import get_part
 from simpick.errors import ConfigError
 from simpick.geometry.transforms import invert, so3_exp, transform, transform_points
-from simpick.grasping import FailureMemory, GraspPlanner, PlannerConfig
+from simpick.grasping import FailureMemory, GraspPlanner, PlannerConfig, Rejection, View
 from simpick.grasping.coverage import resting_coverage
 from simpick.grasping.exposure import exposures
 from simpick.scene.config import BinConfig
@@ -136,6 +137,62 @@ def test_a_failure_is_remembered_although_looks_differ_and_flip(planner: GraspPl
         offset = np.linalg.norm(alone.T_world_tcp[:3, 3] - first.T_world_tcp[:3, 3])
         turn = np.arccos(np.clip((np.trace(alone.T_world_tcp[:3, :3].T @ first.T_world_tcp[:3, :3]) - 1) / 2, -1, 1))
         assert offset > 0.008 or np.degrees(min(turn, abs(np.pi - turn))) > 10
+
+
+def view_of(rgb: np.ndarray) -> View:
+    """Return the view of a part in the middle of an image of 60 x 80 px."""
+    outline = np.zeros((60, 80), bool)
+    outline[25:35, 35:45] = True
+    return View.of(rgb, outline)
+
+
+def test_a_pose_at_which_the_gripper_closed_on_nothing_is_ruled_out(planner: GraspPlanner) -> None:
+    memory = FailureMemory()
+    memory.remember(NUT, lying(), planner.plan([NUT], [lying()])[0].T_world_tcp, missed=True)
+    tilted = lying() @ transform(so3_exp(np.array([0.6, 0.0, 0.0])))
+    assert memory.is_ruled_out(NUT, lying(yaw_rad=0.35))
+    assert not memory.is_ruled_out(NUT, tilted) and not memory.is_ruled_out(NUT, lying(x_m=0.55))
+    rejected: Counter[Rejection] = Counter()
+    assert not list(planner.search([NUT], [lying()], memory=memory, rejected=rejected))
+    assert rejected[Rejection.FAILED] > 0
+    assert planner.plan([NUT], [lying(x_m=0.55)], memory=memory)
+
+
+def test_a_grasp_that_failed_is_ruled_out_until_the_image_changes_around_the_part(planner: GraspPlanner) -> None:
+    before = np.full((60, 80, 3), 90, np.uint8)
+    elsewhere, here = before.copy(), before.copy()
+    elsewhere[:10], here[36:40, 35:45] = 200, 200
+    grasp = planner.plan([NUT], [lying()])[0].T_world_tcp
+    memory = FailureMemory()
+    memory.remember(NUT, lying(), grasp, view=view_of(before))
+    memory.remember(NUT, lying(), grasp, missed=True, view=view_of(before))
+    for image in (before, elsewhere):
+        memory.look(image)
+        assert memory.factors(NUT, lying(), grasp[None]) == 0 and memory.is_ruled_out(NUT, lying())
+    memory.look(here)
+    assert 0 < memory.factors(NUT, lying(), grasp[None]) < 0.001 and not memory.is_ruled_out(NUT, lying())
+    # What has changed stays changed.
+    memory.look(before)
+    assert not memory.is_ruled_out(NUT, lying())
+
+
+def test_noise_of_the_image_is_no_change() -> None:
+    rng = np.random.default_rng(0)
+    images = [np.clip(rng.normal(90, 4, (60, 80, 3)), 0, 255).astype(np.uint8) for _ in range(2)]
+    assert not view_of(images[0]).differs_from(images[1])
+
+
+def test_rejected_grasps_are_counted_by_reason(planner: GraspPlanner) -> None:
+    rejected: Counter[Rejection] = Counter()
+    wall = lying(x_m=0.5 - 0.15 + 0.004)
+    list(planner.search([NUT, NUT], [wall, lying(y_m=0.1)], rejected=rejected))
+    assert rejected[Rejection.TILT] > 0 and rejected[Rejection.BIN] > 0
+    assert rejected[Rejection.FAILED] == rejected[Rejection.REACH] == 0
+
+
+def test_the_first_grasp_of_a_search_is_the_first_of_the_plan(planner: GraspPlanner) -> None:
+    parts, poses = [NUT] * 3, [lying(y_m=-0.1), lying(), lying(x_m=0.51, z_m=0.024)]
+    assert next(planner.search(parts, poses)).quality == planner.plan(parts, poses)[0].quality
 
 
 def test_any_other_part_is_preferred_to_one_that_failed(planner: GraspPlanner) -> None:

@@ -67,7 +67,7 @@ def test_a_blurred_estimate_is_corrected_before_the_descent(env) -> None:
     true = next(t.T_world_part for t in env.truth() if t.instance == instance)
     *_, info = env.step(action)
     ((aimed, corrected),) = corrections
-    T_world_estimate = policy.decision.T_world_camera @ target.T_camera_part
+    T_world_estimate = policy.decision.frame.T_world_camera @ target.T_camera_part
     offset_mm = 1e3 * np.linalg.norm(T_world_estimate[:3, 3] - true[:3, 3])
     assert offset_mm > 4 and 1e3 * np.linalg.norm(corrected[:3, 3] - aimed[:3, 3]) > 3
     # On the refined part, the TCP stands where it stood on the estimated one.
