@@ -9,13 +9,26 @@ import numpy as np
 
 from simpick.envs.bin_pick import BinPickEnv
 from simpick.envs.bin_pick_vector import BinPickVectorEnv
-from simpick.estimators.base import PoseEstimator, PoseRefiner
+from simpick.estimators.base import ForegroundDetector, PoseEstimator, PoseRefiner
 from simpick.estimators.detections import is_simulated, make_detector
 from simpick.estimators.oracle import OracleEstimator, OracleRefiner, PoseNoise
 from simpick.estimators.registry import ORACLE, SHIPPED, load_estimator
 from simpick.experiments.config import RunConfig
 from simpick.policies import Perception
 from simpick.records import InstanceTruth
+
+FOREGROUND_DETECTOR = "learned"
+FOREGROUND_FOR = ("realistic", "box")
+"""Detections that miss parts and know nothing of the foreground: the detector above finds it in the image for them."""
+
+
+def detections_of(config: RunConfig) -> str:
+    """Return the name of the detections that a run works from.
+
+    The oracle's true poses belong to instances, which what is found in an image does not name: it gets perfect ones.
+    """
+    is_found = not is_simulated(config.detections)
+    return "perfect" if config.estimator == ORACLE and is_found else config.detections
 
 
 def make_perception(config: RunConfig, env: BinPickEnv, rng: np.random.Generator) -> Perception:
@@ -43,16 +56,19 @@ def _perception(
     rng: np.random.Generator,
 ) -> Perception:
     detector_rng, noise_rng = rng.spawn(2)
-    detector = make_detector(config.detections, instance_parts, detector_rng)
+    name = detections_of(config)
+    detector = make_detector(name, instance_parts, detector_rng)
     if config.estimator == ORACLE:
-        if not is_simulated(config.detections):
-            # True poses belong to instances, which what is found in an image does not name.
-            detector = make_detector("perfect", instance_parts, detector_rng)
         noise = PoseNoise(config.noise_deg, config.noise_mm)
-        return Perception(ORACLE, detector, OracleEstimator(truth, noise, noise_rng))
-    make = _shared_estimator if config.estimator in SHIPPED else load_estimator
-    estimator = make(config.estimator, hypotheses=config.hypotheses)
-    return Perception(config.estimator, detector, estimator)
+        estimator = OracleEstimator(truth, noise, noise_rng)
+    else:
+        make = _shared_estimator if config.estimator in SHIPPED else load_estimator
+        estimator = make(config.estimator, hypotheses=config.hypotheses)
+    foreground = None
+    if name in FOREGROUND_FOR:
+        foreground = make_detector(FOREGROUND_DETECTOR, instance_parts, detector_rng)
+        assert isinstance(foreground, ForegroundDetector)
+    return Perception(config.estimator, detector, estimator, foreground)
 
 
 def make_refiner(config: RunConfig, env: BinPickEnv) -> PoseRefiner:

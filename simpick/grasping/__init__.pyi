@@ -7,3 +7,4 @@ from .planner import GraspPlanner as GraspPlanner
 from .planner import PlannerConfig as PlannerConfig
 from .planner import Rejection as Rejection
 from .planner import WorldGrasp as WorldGrasp
+from .unexplained import UnexplainedSpace as UnexplainedSpace

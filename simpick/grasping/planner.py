@@ -17,11 +17,12 @@ from jaxtyping import Float
 from simpick.assets.grippers import get_gripper
 from simpick.assets.grippers.sampling.boxes import box_surface_points, points_in_boxes, swept_back
 from simpick.assets.part import Part
-from simpick.config import Config, NonNegativeFloat, PositiveFloat, PositiveInt
+from simpick.config import Config, Fraction, NonNegativeFloat, PositiveFloat, PositiveInt
 from simpick.geometry.transforms import transform_points
 from simpick.grasping.exposure import exposures
 from simpick.grasping.failure_memory import FailureMemory
 from simpick.grasping.part_grasps import symmetric_grasps
+from simpick.grasping.unexplained import UnexplainedSpace
 from simpick.records import Grasp
 from simpick.scene.config import BinConfig
 from simpick.scene.workspace import bin_interior
@@ -52,6 +53,10 @@ class PlannerConfig(Config):
     touching_factor: float = 0.05
     """Quality factor of a grasp that touches other parts, divided again by 1 + the points touched: it is tried when
     no free grasp is left."""
+    unexplained_points: PositiveFloat = 10.0
+    """Meeting this many points of what no estimate explains divides a grasp's quality by e, ..."""
+    unexplained_factor: Fraction = 0.02
+    """... and meeting any number, by this factor at most."""
     approach_m: float = 0.08
     """Length of the straight approach that must be free."""
     grasps_per_target: PositiveInt = 6
@@ -137,12 +142,14 @@ class GraspPlanner:
         *,
         scores: Sequence[float] | None = None,
         memory: FailureMemory | None = None,
+        unexplained: UnexplainedSpace | None = None,
         rejected: Counter[Rejection] | None = None,
     ) -> Iterator[WorldGrasp]:
         """Yield the grasps that can be carried out, best first; those of a part are made when they may be the next.
 
         `parts[k]` is estimated at `Ts_world_part[k]`, with a confidence `scores[k]` in [0, 1] if given. Every part is
-        an obstacle to the others. Reach is not checked. Grasps that are left out are counted in `rejected`.
+        an obstacle to the others. A grasp that meets what these estimates leave `unexplained` comes later.
+        Reach is not checked. Grasps that are left out are counted in `rejected`.
         """
         for part in parts:
             self.prepare(part)
@@ -158,7 +165,9 @@ class GraspPlanner:
             )
         ]
         # A target is worth at most the score of its best grasp. Its grasps take its place once they are made.
-        queue = [(-target.scores.max(initial=0.0), target.index, 0, target) for target in targets]
+        queue: list[tuple[float, int, int, _Target | WorldGrasp]] = [
+            (-float(target.scores.max(initial=0.0)), target.index, 0, target) for target in targets
+        ]
         heapq.heapify(queue)
         while queue:
             *_, best = heapq.heappop(queue)
@@ -166,7 +175,8 @@ class GraspPlanner:
                 yield best
                 continue
             others = np.concatenate([c for j, c in enumerate(clouds) if j != best.index] or [np.zeros((0, 3))])
-            for number, grasp in enumerate(self._grasps_of(best, others, rejected), 1):
+            doubtful = np.zeros((0, 3)) if unexplained is None else unexplained.around(best.index)
+            for number, grasp in enumerate(self._grasps_of(best, others, doubtful, rejected), 1):
                 heapq.heappush(queue, (-grasp.quality, best.index, number, grasp))
 
     def _weights(
@@ -210,11 +220,17 @@ class GraspPlanner:
         )
 
     def _grasps_of(
-        self, target: _Target, others: Float[np.ndarray, "n 3"], rejected: Counter[Rejection]
+        self,
+        target: _Target,
+        others: Float[np.ndarray, "n 3"],
+        doubtful: Float[np.ndarray, "m 3"],
+        rejected: Counter[Rejection],
     ) -> list[WorldGrasp]:
         """Return up to `grasps_per_target` feasible grasps of one part."""
         config = self.config
-        near = others[np.linalg.norm(others - target.origin_m, axis=-1) < 0.3]
+        near, doubtful = (
+            points[np.linalg.norm(points - target.origin_m, axis=-1) < 0.3] for points in (others, doubtful)
+        )
         clearances = config.side_clearances_m if self.gripper.max_opening_m > 0 else (0.0,)
         free: list[WorldGrasp] = []
         brushing: list[WorldGrasp] = []
@@ -233,6 +249,8 @@ class GraspPlanner:
                 quality = score * 0.8**choice * (1 - 0.5 * back_m / config.most_back_off_m)
                 if touched:
                     quality *= config.touching_factor / (1 + touched)
+                if len(doubtful):
+                    quality *= self._doubt(T_world_tcp, opening, doubtful)
                 found = WorldGrasp(T_world_tcp, grasp, target.index, opening, quality, target.exposure)
                 (brushing if touched else free).append(found)
                 # A narrower opening may be free where a wider one brushes something.
@@ -243,6 +261,17 @@ class GraspPlanner:
             if len(free) == config.grasps_per_target:
                 break
         return free or sorted(brushing, key=lambda g: -g.quality)[: config.grasps_per_target]
+
+    def _doubt(
+        self, T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float, doubtful: Float[np.ndarray, "n 3"]
+    ) -> float:
+        """Return the quality factor of a grasp among points where something may be."""
+        points = (doubtful - T_world_tcp[:3, 3]) @ T_world_tcp[:3, :3]
+        boxes = np.concatenate(
+            [swept_back(self.gripper.boxes(opening_m), self.config.approach_m), self.gripper.grip_boxes(opening_m)]
+        )
+        met = int(points_in_boxes(points, boxes).sum())
+        return max(self.config.unexplained_factor, float(np.exp(-met / self.config.unexplained_points)))
 
     def _off_the_floor(
         self, T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float

@@ -8,17 +8,15 @@ lies below it, and no part hangs in the air. Moving a pose along its line of sig
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 
 import numpy as np
-import trimesh
 from jaxtyping import Float
 
 from simpick.assets.part import Part
 from simpick.geometry.transforms import transform_points
 from simpick.grasping.height_grid import HeightGrid
+from simpick.grasping.part_surface import surface_points
 
-_SURFACE_POINTS = 1500
 _LOWEST_SIGHT = 0.2
 """Lines of sight that are flatter than this (sine of the angle to the floor) say nothing about a part's height."""
 
@@ -34,7 +32,7 @@ def resting_poses(
     Ts = [raised_onto_floor(part, T, eye_m) for part, T in zip(parts, Ts_world_part, strict=True)]
     if not Ts:
         return []
-    points = [transform_points(T, _surface(part)) for part, T in zip(parts, Ts, strict=True)]
+    points = [transform_points(T, surface_points(part)) for part, T in zip(parts, Ts, strict=True)]
     grid = HeightGrid.around(points)
     tops = np.stack([grid.top(own) for own in points])
     middles = np.array([own[:, 2].mean() for own in points])
@@ -44,7 +42,7 @@ def resting_poses(
         gap_m = float((bottom - support).min())
         if 0 < gap_m < np.inf:
             Ts[k] = _along_sight(Ts[k], eye_m, -gap_m)
-            points[k] = transform_points(Ts[k], _surface(parts[k]))
+            points[k] = transform_points(Ts[k], surface_points(parts[k]))
             tops[k], middles[k] = grid.top(points[k]), points[k][:, 2].mean()
     return Ts
 
@@ -68,8 +66,3 @@ def _along_sight(
     moved = T_world_part.copy()
     moved[:3, 3] += sight / sight[2] * rise_m
     return moved
-
-
-@lru_cache(maxsize=64)
-def _surface(part: Part) -> Float[np.ndarray, "n 3"]:
-    return np.asarray(trimesh.sample.sample_surface(part.mesh, _SURFACE_POINTS, seed=0)[0], float)

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool
 
 from simpick.assets.part import Part
-from simpick.grasping import FailureMemory, GraspPlanner, Rejection, WorldGrasp
+from simpick.grasping import FailureMemory, GraspPlanner, Rejection, UnexplainedSpace, WorldGrasp
 from simpick.motion import MotionConfig, NoPlan, PickPlanner
-from simpick.records import PoseEstimate
+from simpick.records import CameraFrame, PoseEstimate
 from simpick.scene import SceneConfig
 from simpick.scene.workspace import tcp_workspace
 
@@ -40,6 +40,7 @@ class GraspChooser:
         self.workspace = tcp_workspace(config.bin)
         """Where the TCP may be commanded to."""
         self._part_of = {part.name: part for part in parts}
+        self._rim_m = config.bin.depth_m
         self._motion = PickPlanner(config, MotionConfig())
         self._grasps = GraspPlanner(config.gripper, config.bin)
         self.max_opening_m = self._grasps.gripper.max_opening_m
@@ -48,14 +49,28 @@ class GraspChooser:
             self._grasps.prepare(part)
 
     def choose(
-        self, estimates: Sequence[PoseEstimate], T_world_camera: Float[np.ndarray, "4 4"], memory: FailureMemory
+        self,
+        estimates: Sequence[PoseEstimate],
+        frame: CameraFrame,
+        memory: FailureMemory,
+        foreground: Bool[np.ndarray, "height width"] | None = None,
     ) -> Choice:
-        """Return the best grasp that the arm can reach, and how many were left out on the way there."""
+        """Return the best grasp that the arm can reach, and how many were left out on the way there.
+
+        `foreground` are the pixels of `frame` that show parts: what no estimate explains of them is an obstacle.
+        """
         parts = [self._part_of[estimate.part] for estimate in estimates]
-        Ts_world_part = [T_world_camera @ estimate.T_camera_part for estimate in estimates]
+        Ts_world_part = [frame.T_world_camera @ estimate.T_camera_part for estimate in estimates]
         scores = [estimate.score for estimate in estimates]
         rejected: Counter[Rejection] = Counter()
-        grasps = self._grasps.search(parts, Ts_world_part, scores=scores, memory=memory, rejected=rejected)
+        unexplained = None
+        if foreground is not None:
+            unexplained = UnexplainedSpace.of(
+                foreground, frame.camera, frame.T_world_camera, parts, Ts_world_part, scores, self._rim_m
+            )
+        grasps = self._grasps.search(
+            parts, Ts_world_part, scores=scores, memory=memory, unexplained=unexplained, rejected=rejected
+        )
         for grasp in islice(grasps, MAX_REACH_CHECKS):
             if self._reachable(grasp):
                 return Choice(grasp, rejected)

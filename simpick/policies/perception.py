@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from simpick.assets.part import Part
-from simpick.estimators.base import Detector, OnboardingDetector, PoseEstimator
+from simpick.estimators.base import Detector, ForegroundDetector, OnboardingDetector, PoseEstimator
 from simpick.estimators.boundary import (
     onboard_part,
     validated_detections,
@@ -45,6 +45,8 @@ class Perception:
     name: str
     detector: Detector
     estimator: PoseEstimator
+    foreground: ForegroundDetector | None = None
+    """What reports the pixels that show parts, if the detector does not."""
 
     def onboard(self, parts: Sequence[Part]) -> None:
         """Prepare the estimator for these parts, and the detector if it needs that."""
@@ -70,7 +72,7 @@ def perceive_together(
     detections, foregrounds, detect_s = [], [], []
     for perception, frame in zip(perceptions, frames, strict=True):
         detections.append(validated_detections(perception.detector, frame, parts))
-        foregrounds.append(validated_foreground(perception.detector, frame))
+        foregrounds.append(_foreground(perception, frame))
         detect_s.append(time.perf_counter() - start)
         start = time.perf_counter()
     sharing: dict[int, list[int]] = {}
@@ -89,3 +91,10 @@ def perceive_together(
             timings_s = {"detect": detect_s[k], "estimate": estimate_s + time.perf_counter() - start}
             percepts[k] = Percept(tuple(detections[k]), tuple(estimates), timings_s, foregrounds[k])
     return [percepts[k] for k in range(len(frames))]
+
+
+def _foreground(perception: Perception, frame: CameraFrame) -> Bool[np.ndarray, "height width"] | None:
+    found = validated_foreground(perception.detector, frame)
+    if found is None and perception.foreground is not None:
+        return validated_foreground(perception.foreground, frame)
+    return found

@@ -121,7 +121,7 @@ class PickPolicy:
         self.closer_view = self._T_world_closer = None
         start = time.perf_counter()
         percept = replace(percept, estimates=tuple(map(partial(self._not_ruled_out, frame), percept.estimates)))
-        choice = self._chooser.choose(percept.estimates, frame.T_world_camera, self._memory)
+        choice = self._chooser.choose(percept.estimates, frame, self._memory, percept.foreground)
         grasp, why = choice.grasp, None
         if grasp is None:
             why = PickOutcome.NO_GRASP if percept.detections else PickOutcome.NOTHING_DETECTED

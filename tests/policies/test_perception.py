@@ -55,5 +55,6 @@ class Segments(OneNut):
 
 def test_the_foreground_is_kept_where_the_detector_knows_it() -> None:
     assert Perception("x", OneNut(), OneNut()).perceive(FRAME, [NUT]).foreground is None
-    foreground = Perception("x", Segments(), OneNut()).perceive(FRAME, [NUT]).foreground
-    assert foreground is not None and foreground.all()
+    own = Perception("x", Segments(), OneNut()).perceive(FRAME, [NUT]).foreground
+    other = Perception("x", OneNut(), OneNut(), foreground=Segments()).perceive(FRAME, [NUT]).foreground
+    assert own is not None and other is not None and own.all() and other.all()

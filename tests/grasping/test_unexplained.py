@@ -1,0 +1,97 @@
+"""What the image shows and no trusted pose explains is an obstacle as high as it may be."""
+
+import numpy as np
+import pytest
+
+from simpick.assets.library import get_part
+from simpick.geometry import Pinhole, invert, look_at
+from simpick.geometry.transforms import so3_exp, transform, transform_points
+from simpick.grasping import GraspPlanner, UnexplainedSpace
+from simpick.grasping.part_surface import point_spacing_m, surface_points
+from simpick.grasping.unexplained import columns_over_floor, outline
+from simpick.scene.config import BinConfig
+
+NUT = get_part("hex_nut")
+CAMERA = Pinhole(320, 240, 480.0, 480.0, 160.0, 120.0)
+T_WORLD_CAMERA = look_at(np.array([0.5, 0.0, 0.9]), np.array([0.5, 0.0, 0.0]))
+RIM_M = 0.12
+
+
+def lying(x_m: float = 0.5, y_m: float = 0.0) -> np.ndarray:
+    """Return a hex nut (16 mm high) flat on the bin's floor."""
+    return transform(so3_exp(np.array([0, 0, 0.3])), np.array([x_m, y_m, 0.008]))
+
+
+def seen(*poses: np.ndarray) -> np.ndarray:
+    """Return the foreground of nuts at these poses."""
+    points = [transform_points(invert(T_WORLD_CAMERA) @ T, surface_points(NUT)) for T in poses]
+    return np.any([outline(own, point_spacing_m(NUT), CAMERA) for own in points], axis=0)
+
+
+def space(foreground: np.ndarray, *poses: np.ndarray, scores: list[float] | None = None) -> UnexplainedSpace:
+    parts, scores = [NUT] * len(poses), [0.9] * len(poses) if scores is None else scores
+    return UnexplainedSpace.of(foreground, CAMERA, T_WORLD_CAMERA, parts, list(poses), scores, RIM_M)
+
+
+@pytest.fixture(scope="module")
+def planner() -> GraspPlanner:
+    return GraspPlanner("jaw", BinConfig())
+
+
+def test_an_explained_bin_leaves_nothing() -> None:
+    poses = lying(), lying(y_m=0.1)
+    assert not space(seen(*poses), *poses).pixels.any()
+
+
+def test_a_part_that_no_estimate_explains_is_left_as_high_as_the_highest_estimate() -> None:
+    left = space(seen(lying(), lying(y_m=0.1)), lying())
+    points = left.around(0)
+    assert 0.0 <= points[:, 2].min() < 1e-6 and 0.008 < points[:, 2].max() <= 0.016 + 1e-6
+    np.testing.assert_allclose(points[points[:, 2] < 1e-6, :2].mean(axis=0), [0.5, 0.1], atol=0.004)
+
+
+def test_without_a_trusted_estimate_it_may_be_as_high_as_the_bin() -> None:
+    left = space(seen(lying()), lying(y_m=0.1), scores=[0.01])
+    assert left.height_m == RIM_M
+    assert left.around(0)[:, 2].max() == pytest.approx(RIM_M, abs=0.006)
+
+
+def test_an_estimate_that_is_not_trusted_explains_nothing_but_is_not_in_its_own_way() -> None:
+    left = space(seen(lying(), lying(y_m=0.1)), lying(), lying(y_m=0.1), scores=[0.9, 0.01])
+    assert left.pixels.any() and len(left.around(0)) > 50
+    assert len(left.around(1)) == 0
+
+
+def test_columns_follow_the_lines_of_sight() -> None:
+    pixels = np.zeros((240, 320), bool)
+    pixels[40:60, 250:270] = True
+    points = columns_over_floor(pixels, CAMERA, T_WORLD_CAMERA, 0.03)
+    u, v = CAMERA.project(transform_points(invert(T_WORLD_CAMERA), points)).T
+    assert len(points) and pixels[v.astype(int), u.astype(int)].all()
+
+
+def test_nothing_is_seen_of_a_part_behind_the_camera_or_beside_the_image() -> None:
+    behind, beside = transform(translation=np.array([0.5, 0.0, 2.0])), lying(y_m=3.0)
+    for T in (behind, beside):
+        assert not space(np.ones((240, 320), bool), T).outlines[0].any()
+
+
+def test_a_grasp_beside_something_unexplained_comes_after_one_that_is_free(planner: GraspPlanner) -> None:
+    """The nut to the left is worth more, but what touches it on both sides has no pose."""
+    left, right = lying(y_m=-0.08), lying(y_m=0.08)
+    around_left = [lying(x_m=0.5 + dx, y_m=-0.08 + dy) for dx, dy in ((0.036, 0), (-0.036, 0), (0, 0.036), (0, -0.036))]
+    scores = [0.9, 0.6]
+    foreground = seen(left, right, *around_left)
+    blind = next(planner.search([NUT, NUT], [left, right], scores=scores))
+    assert blind.target == 0
+    unexplained = space(foreground, left, right, scores=scores)
+    first, *others = planner.search([NUT, NUT], [left, right], scores=scores, unexplained=unexplained)
+    assert first.target == 1
+    # It is the last choice, not ruled out: nobody knows how high it is.
+    assert {grasp.target for grasp in others} == {0, 1}
+
+
+def test_pixels_of_nothing_change_nothing(planner: GraspPlanner) -> None:
+    empty = space(np.zeros((240, 320), bool), lying())
+    with_space = list(planner.search([NUT], [lying()], unexplained=empty))
+    assert [g.quality for g in with_space] == [g.quality for g in planner.plan([NUT], [lying()])]
