@@ -9,26 +9,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import trimesh
 from annotated_types import Interval
 
 from simpick.assets.cad_files import SUFFIXES, load_file
+from simpick.assets.cad_symmetry import cad_symmetries
 from simpick.assets.convex_pieces import convex_pieces, excess_volume
 from simpick.assets.csg import to_manifold, to_trimesh
 from simpick.assets.mesh_cleaning import cleaned
 from simpick.assets.mesh_solids import solidified
 from simpick.assets.part import Material, Part
-from simpick.assets.symmetry_detection import detect_symmetries
+from simpick.assets.symmetry_choice import SymmetryChoice
 from simpick.assets.units import Unit, choose_unit, split_unit
-from simpick.caching import cache_dir, cache_key, cached_arrays
 from simpick.config import Config, Fraction, NonNegativeFloat, NonNegativeInt
 from simpick.errors import ConfigError, MeshError
-from simpick.geometry.symmetry import ContinuousSymmetry, SymmetryGroup
 from simpick.geometry.transforms import transform
 
 _LOG = logging.getLogger(__name__)
-_SYMMETRY_CACHE_VERSION = 1
 MAX_FACES = 200_000
 """More than this slows every rendering and is never needed to recognise a part."""
 _SIMPLIFY = 1e-3
@@ -51,6 +48,8 @@ class CadSettings(Config):
     """Thickness given to a sheet, an open surface without volume; 0 refuses it."""
     body: NonNegativeInt = 0
     """Which body of a file with several, 1 being the largest; 0 takes all as one rigid part."""
+    symmetry: SymmetryChoice = "auto"
+    """Rotational symmetries: "auto" detects them, "none" has none, "revolution" takes the nearest axis."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +95,7 @@ def import_cad(path: str | Path, settings: CadSettings | None = None, *, name: s
         mesh = _simplified(mesh, path, repairs)
     centre = mesh.bounds.mean(axis=0)
     mesh.apply_translation(-centre)
-    symmetries = _cached_symmetries(mesh)
+    symmetries, symmetry_note = cad_symmetries(mesh, settings.symmetry)
     collision = convex_pieces(mesh)
     part = Part(
         name=checked_name(name) if name is not None else name_from_path(path),
@@ -114,7 +113,7 @@ def import_cad(path: str | Path, settings: CadSettings | None = None, *, name: s
             f"{path.name}: collision pieces fill {excess:.0%} more than its volume (thin or strongly curved walls): "
             "parts interlock less than real ones, and the jaw grips the filled shape"
         )
-    notes = [choice.note, *repairs, f"{path.name}: symmetry: {describe_symmetry(symmetries)}"]
+    notes = [choice.note, *repairs, f"{path.name}: symmetry: {symmetry_note}"]
     for note in notes:
         _LOG.info(note)
     return CadImport(part, choice.unit, choice.metres_per_unit, tuple(notes))
@@ -143,15 +142,6 @@ def _simplified(mesh: trimesh.Trimesh, path: Path, notes: list[str]) -> trimesh.
     return to_trimesh(solid)
 
 
-def describe_symmetry(group: SymmetryGroup) -> str:
-    """Return the group in a few words."""
-    if group.continuous:
-        if len(group.discrete) > 1:
-            return "sphere"
-        return "revolution, ends alike" if len(group.discrete) else "revolution"
-    return f"{len(group.discrete) + 1} rotations" if len(group.discrete) else "none"
-
-
 def name_from_path(path: Path) -> str:
     """Return a part name made of a file's name: lower case letters, digits and underscores."""
     name = re.sub(r"[^a-z0-9]+", "_", path.stem.lower()).strip("_")
@@ -170,18 +160,3 @@ def checked_name(name: str) -> str:
 def is_mesh_path(text: str) -> bool:
     """Return whether a part's name is meant as a path: it ends like a mesh file (and a unit) or has a separator."""
     return Path(split_unit(text)[0]).suffix.lower() in SUFFIXES or "/" in text or os.sep in text
-
-
-def _cached_symmetries(mesh: trimesh.Trimesh) -> SymmetryGroup:
-    """Return the detected symmetries; detection takes seconds for cubes and the like, so it is done once."""
-    key = cache_key(_SYMMETRY_CACHE_VERSION, np.asarray(mesh.vertices).tobytes(), np.asarray(mesh.faces).tobytes())
-    path = cache_dir() / "symmetries" / f"{key}.npz"
-
-    def detected() -> dict[str, np.ndarray]:
-        found = detect_symmetries(mesh)
-        axes = np.array([[*axis.axis, *axis.offset_m] for axis in found.continuous]).reshape(-1, 6)
-        return {"discrete": found.discrete, "axes": axes}
-
-    stored = cached_arrays(path, ("discrete", "axes"), detected)
-    axes = tuple(ContinuousSymmetry.of(row[:3], row[3:]) for row in stored["axes"])
-    return SymmetryGroup(stored["discrete"], axes)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import cast
 
 from simpick.assets import user_parts
 from simpick.assets.cad_import import is_mesh_path, load_cad, name_from_path
@@ -36,7 +35,7 @@ def get_part(name_or_path: str | Path) -> Part:
     if is_mesh_path(name):
         file, unit = split_unit(name)
         path = Path(file)
-        return _part_of_file(path, cast("Unit", unit), path.stat().st_mtime_ns if path.is_file() else 0)
+        return _part_of_file(path, unit, path.stat().st_mtime_ns if path.is_file() else 0)
     if name in user_parts.user_part_names():
         settings = user_parts.user_parts_dir() / name / "part.json"
         return _added_part(name, settings, settings.stat().st_mtime_ns)

@@ -42,6 +42,19 @@ def detect_symmetries(mesh: trimesh.Trimesh, tolerance_m: float | None = None) -
     return _Detector(mesh, tolerance_m).detect()
 
 
+def nearest_revolution(mesh: trimesh.Trimesh) -> tuple[SymmetryGroup, float]:
+    """Return the revolution that is nearest to being a symmetry, and by how much (m) a turn moves the surface at most.
+
+    The axis is a principal axis. The ends count as alike where swapping them moves the surface no farther.
+    """
+    detector = _Detector(mesh, None)
+    axes = np.linalg.eigh(np.asarray(mesh.moment_inertia))[1].T
+    found = [(detector.deviation(axis), k) for k, axis in enumerate(detector.snapped(axis) for axis in axes)]
+    deviation, best = min(found)
+    detector.tolerance = max(detector.tolerance, deviation)
+    return detector.revolution(detector.snapped(axes[best])), deviation
+
+
 class _Detector:
     """The mesh with what every check needs: test points, a search tree, the tolerance."""
 
@@ -75,6 +88,11 @@ class _Detector:
                 return False
         return True
 
+    def deviation(self, axis: Float[np.ndarray, "3"]) -> float:
+        """Return by how much turns about this axis move the surface at most, in m."""
+        turned = [self.points[:400] @ so3_exp(angle * axis).T + self.centre for angle in _IRRATIONAL_RAD]
+        return float(max(self.distance(points).max() for points in turned))
+
     def misfit(self, R: Float[np.ndarray, "3 3"]) -> float:
         """Return the mean distance of moved points to the dense samples: a cheap, smooth stand-in for the test."""
         return float(self.tree.query(self.points[:300] @ R.T)[0].mean())
@@ -107,12 +125,12 @@ class _Detector:
             odd = 2 if near[0] else 0
             axes_found = self._axes_about(axes[:, odd])
         else:
-            axes_found = [self._snapped(axis) for axis in axes.T]
+            axes_found = [self.snapped(axis) for axis in axes.T]
 
         orders = [(axis, self._order(axis)) for axis in axes_found]
         continuous = [axis for axis, order in orders if order == 0]
         if continuous:
-            return self._revolution(continuous[0])
+            return self.revolution(continuous[0])
         turns = [so3_exp(2 * np.pi / order * axis) for axis, order in orders if order > 1]
         Rs = _closure(turns)[1:]
         return SymmetryGroup(transform(Rs, self.centre - Rs @ self.centre))
@@ -130,7 +148,7 @@ class _Detector:
 
     def _axes_about(self, main: Float[np.ndarray, "3"]) -> list[Float[np.ndarray, "3"]]:
         """Return the main axis and, of the directions normal to it, those whose half turn may fit."""
-        main = self._snapped(main)
+        main = self.snapped(main)
         first = _any_normal(main)
         second = np.cross(main, first)
         angles = np.radians(np.arange(0.0, 180.0, 1.0))
@@ -164,14 +182,14 @@ class _Detector:
         # Near pi the logarithm may point either way.
         refined = w / max(float(np.linalg.norm(w)), 1e-12) * (1.0 if w @ axis >= 0 else -1.0)
         # ICP may slide along a revolution and leave for the identity; then the start was as good.
-        return self._snapped(refined if refined @ axis > np.cos(np.radians(10.0)) else axis)
+        return self.snapped(refined if refined @ axis > np.cos(np.radians(10.0)) else axis)
 
-    def _snapped(self, axis: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+    def snapped(self, axis: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
         """Return the coordinate axis within a degree of this one, if there is one: CAD is drawn along axes."""
         k = int(np.argmax(np.abs(axis)))
         return np.eye(3)[k] if abs(axis[k]) > np.cos(np.radians(1.0)) else axis
 
-    def _revolution(self, axis: Float[np.ndarray, "3"]) -> SymmetryGroup:
+    def revolution(self, axis: Float[np.ndarray, "3"]) -> SymmetryGroup:
         offset = self.centre - axis * (axis @ self.centre)
         continuous = ContinuousSymmetry.of(axis, offset)
         flip = so3_exp(np.pi * _any_normal(axis))

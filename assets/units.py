@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias, cast, get_args
 
 from simpick.errors import ConfigError, MeshError
 
@@ -56,10 +56,10 @@ def choose_unit(
     return UnitChoice(chosen, METRES_PER_UNIT[chosen], f"{note})")
 
 
-def split_unit(path: str) -> tuple[str, str]:
+def split_unit(path: str) -> tuple[str, Unit]:
     """Return path and unit of a text such as ``block.stl@cm``; the unit is "auto" where none is given."""
     head, separator, unit = path.rpartition("@")
-    return (head, unit) if separator and unit in METRES_PER_UNIT else (path, "auto")
+    return (head, cast("Unit", unit)) if separator and unit in METRES_PER_UNIT else (path, "auto")
 
 
 def _guess(longest_side: float, file: str, stated: str | None) -> tuple[str, str]:

@@ -41,7 +41,7 @@ class Compare:
 
         comparison = Comparison.open(self.config, self.out, overwrite=self.execution.overwrite)
         console = Console()
-        for line in describe_files(self.config.parts):
+        for line in describe_files(self.config.parts, self.config.gripper):
             console.print_line(line)
         try:
             comparison.run(self.execution, console)

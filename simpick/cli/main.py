@@ -35,6 +35,7 @@ COMMANDS = {
     "detector-benchmark": "detector_benchmark:DetectorBenchmark",
     "parts list": "parts:PartsList",
     "parts show": "parts:PartsShow",
+    "parts check": "part_check:PartsCheck",
     "parts add": "parts:PartsAdd",
     "parts remove": "parts:PartsRemove",
     "parts onboard": "parts:PartsOnboard",

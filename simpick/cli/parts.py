@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from annotated_types import Interval
 
-from simpick.assets.units import Unit
+from simpick.assets.symmetry_choice import SymmetryChoice
+from simpick.assets.units import Unit, split_unit
 from simpick.cli.outputs import check_image, write_image
 from simpick.config import Config, Fraction, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 from simpick.errors import OutputError
@@ -33,7 +34,7 @@ class PartsList:
     def run(self) -> int:
         """Print the table: the library parts, then those that were added."""
         from simpick.assets import get_part, library_part_names, part_names
-        from simpick.assets.cad_import import describe_symmetry
+        from simpick.assets.cad_symmetry import describe_symmetry
         from simpick.terminal import Console, narrow_table
 
         table = narrow_table("name", "from", "symmetry", "extents, mm", "mass, g", "pieces", title="Parts", labels=3)
@@ -104,6 +105,8 @@ class PartsAdd(Config):
     """Thickness in m given to a sheet, an open surface without volume; 0 refuses it."""
     body: NonNegativeInt = 0
     """Which body of a file with several, 1 being the largest; 0 takes all as one part."""
+    symmetry: SymmetryChoice = "auto"
+    """Rotational symmetries: auto detects them, revolution takes the nearest axis."""
     overwrite: bool = False
     """Replace a part that was added under the same name."""
 
@@ -111,8 +114,12 @@ class PartsAdd(Config):
         """Import the file, register it and print the unit, size and mass that it was given."""
         from simpick.assets import CadSettings, add_user_part
 
-        settings = CadSettings(self.unit, self.density, self.rgb, self.simplify, self.thickness, self.body)
-        imported = add_user_part(self.file, settings, name=self.name, replace=self.overwrite)
+        file, unit = split_unit(str(self.file))
+        unit = unit if self.unit == "auto" else self.unit
+        settings = CadSettings(
+            unit, self.density, self.rgb, self.simplify, self.thickness, self.body, self.symmetry
+        )  # fmt: skip
+        imported = add_user_part(file, settings, name=self.name, replace=self.overwrite)
         part = imported.part
         for note in imported.notes:
             print(note)
@@ -180,22 +187,33 @@ class PartsOnboard(Config):
         return 0
 
 
-def describe_files(parts: Iterable[str]) -> list[str]:
-    """Return a line for each of these parts that is a mesh file: the size and mass that were assumed.
+def describe_files(parts: Iterable[str], gripper: str) -> list[str]:
+    """Return what to know before a run starts: size and mass of parts that are files, and parts hard to grip.
 
     Raises:
         UnknownPartError, MeshError: a file does not exist or cannot be a part.
+        ConfigError: the gripper can hold none of the parts.
     """
     from simpick.assets import get_part
     from simpick.assets.cad_import import is_mesh_path
-    from simpick.assets.units import split_unit
+    from simpick.errors import ConfigError
+    from simpick.grasping.part_report import difficulties, gripping, no_grasp_reason
 
     lines = []
-    for name in filter(is_mesh_path, parts):
+    options = {name: gripping(get_part(name), gripper) for name in dict.fromkeys(parts)}
+    for name, option in options.items():
         part = get_part(name)
-        lines.append(
-            f"{name}: {_extents(part)} mm and {part.mass_kg * 1e3:.1f} g at {part.density_kg_m3:g} kg/m^3; "
-            f"for another unit, append it ({split_unit(name)[0]}@cm); for another density: simpick parts add"
+        if is_mesh_path(name):
+            lines.append(
+                f"{name}: {_extents(part)} mm and {part.mass_kg * 1e3:.1f} g at {part.density_kg_m3:g} kg/m^3; "
+                f"for another unit, append it ({split_unit(name)[0]}@cm); for another density: simpick parts add"
+            )
+        lines += [f"{part.name}: {reason}" for reason in difficulties(part, [option])]
+    if options and not any(option.is_possible for option in options.values()):
+        reasons = "; ".join(f"{name}: {no_grasp_reason(option)}" for name, option in options.items())
+        raise ConfigError(
+            f"the {gripper} gripper can hold none of these parts: {reasons}. Choose another with --gripper; to compare "
+            "them: simpick parts check FILE"
         )
     return lines
 

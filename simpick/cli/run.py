@@ -36,7 +36,7 @@ class Run:
 
         run = Comparison.open(self.config, self.out, overwrite=self.execution.overwrite)
         console = Console()
-        for line in describe_files(self.config.parts):
+        for line in describe_files(self.config.parts, self.config.gripper):
             console.print_line(line)
         run.run(self.execution, console)
         console.print(scores_table(self.config, run.results))

@@ -34,7 +34,7 @@ class Sweep:
 
         comparison = Comparison.open(self.config.comparison(), self.out, overwrite=self.execution.overwrite)
         console = Console()
-        for line in describe_files(self.config.parts):
+        for line in describe_files(self.config.parts, self.config.gripper):
             console.print_line(line)
         comparison.run(self.execution, console)
         steps = noise_steps(self.config, comparison)

@@ -11,6 +11,9 @@ from simpick.grasping.planner import GraspPlanner, PlannerConfig
 from simpick.scene.config import BinConfig
 from simpick.scene.workspace import BIN_CENTRE_M
 
+_LEAST_SHARE = 0.005
+_MOST_EQUAL_POSES = 24
+
 
 def resting_coverage(part: Part, gripper: str, least: int = 2) -> float:
     """Return the probability that `part`, thrown onto the bin's empty floor, offers `least` feasible grasps.
@@ -18,7 +21,11 @@ def resting_coverage(part: Part, gripper: str, least: int = 2) -> float:
     Poses and their probabilities are those of the convex hull thrown at random (Goldberg 1999).
     """
     planner = GraspPlanner(gripper, BinConfig(), PlannerConfig(grasps_per_target=least, tries_per_target=2000))
-    Ts, shares = trimesh.poses.compute_stable_poses(part.mesh, sigma=0.0, n_samples=1, threshold=0.005)
+    Ts, shares = trimesh.poses.compute_stable_poses(part.mesh, sigma=0.0, n_samples=1, threshold=_LEAST_SHARE)
+    if not len(Ts):
+        # A ball of many facets rests on each of them with a small share: a few stand for all.
+        Ts, shares = trimesh.poses.compute_stable_poses(part.mesh, sigma=0.0, n_samples=1, threshold=0.0)
+        Ts, shares = Ts[:_MOST_EQUAL_POSES], shares[:_MOST_EQUAL_POSES]
     T_world_floor = transform(translation=np.array(BIN_CENTRE_M))
     covered = sum(
         share for T, share in zip(Ts, shares, strict=True) if len(planner.plan([part], [T_world_floor @ T])) >= least

@@ -95,3 +95,28 @@ def test_show_draws_each_part_in_its_cell(tmp_path):
 def test_show_refuses_other_image_types(tmp_path):
     with pytest.raises(ConfigError, match=r"must be a \.png file"):
         PartsShow(("hex_nut",), out=tmp_path / "sheet.jpg").run()
+
+
+def test_check_prints_one_page(tmp_path, capsys):
+    trimesh.creation.box([6, 2, 2]).export(tmp_path / "my bar.stl")
+    assert main(["parts", "check", f"{tmp_path / 'my bar.stl'}@cm", "--grippers", "suction"]) == 0
+    printed = capsys.readouterr().out
+    assert "my_bar: 60 x 20 x 20 mm, 28.8 g at 1200 kg/m^3, 12 faces, 1 collision pieces" in printed
+    assert "- read in cm, as asked for (60 mm long)" in printed
+    assert "- symmetry: 8 rotations" in printed and "- rests in 2 ways, its symmetries apart" in printed
+    assert "suction (recommended)" in printed and "what will be hard: nothing known" in printed
+    assert f"try: simpick run --parts '{tmp_path / 'my bar.stl'}@cm' --gripper suction" in printed
+
+
+def test_check_draws_where_a_file_without_volume_is_open(tmp_path, capsys):
+    box = trimesh.creation.box([60, 20, 20]).subdivide()
+    box.update_faces(box.triangles_center[:, 2] < 9)
+    box.export(tmp_path / "open.stl")
+    out = tmp_path / "where.png"
+    assert main(["parts", "check", str(tmp_path / "open.stl"), "--out", str(out)]) == 2
+    captured = capsys.readouterr()
+    assert f"picture of its open edges, in red: {out}" in captured.out
+    assert "encloses no volume" in captured.err
+    image = cv2.imread(str(out))
+    red = (image[..., 2] > 200) & (image[..., 1] < 60)
+    assert red.sum() > 100
