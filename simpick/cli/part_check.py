@@ -24,9 +24,10 @@ if TYPE_CHECKING:
 class PartsCheck(Config):
     """Report what a CAD file is and how well it can be picked.
 
-    On one page: unit, repairs, mass, symmetry, resting poses, grasps by gripper, and what will be hard. Nothing is registered. A new
-    part's grasps are verified in simulation, which takes up to a minute. A file without volume is drawn with its
-    open edges.
+    One page: unit, repairs, mass, symmetry, resting poses, grasps by gripper, and what will be hard.
+
+    Nothing is registered. A new part's grasps are verified in simulation, which takes up to a minute. A file without
+    volume is drawn with its open edges.
     """
 
     file: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="FILE")]
