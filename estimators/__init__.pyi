@@ -1,5 +1,6 @@
 from .base import BatchPoseEstimator as BatchPoseEstimator
 from .base import Detector as Detector
+from .base import ForegroundDetector as ForegroundDetector
 from .base import PoseEstimator as PoseEstimator
 from .base import PoseRefiner as PoseRefiner
 from .oracle import OracleEstimator as OracleEstimator
