@@ -58,9 +58,11 @@ def label_nodes(
     inside, outside = np.zeros((count, 2)), np.zeros((count, 2))
     amounts = np.stack([tree.pairs.sums, tree.pairs.counts], axis=1)
     is_inside = first == second
+    # What was dropped is no other instance: a speck at the rim of a lone part says nothing of its neighbours.
+    is_between = ~is_inside & (first > 0) & (second > 0)
     np.add.at(inside, first[is_inside], amounts[is_inside])
     for side in (first, second):
-        np.add.at(outside, side[~is_inside], amounts[~is_inside])
+        np.add.at(outside, side[is_between], amounts[is_between])
     cells = np.maximum(np.bincount(labels.ravel(), minlength=count), 1)
     shown = np.bincount(labels.ravel(), weights=foreground.ravel(), minlength=count) / cells
     means = [sums[:, 0] / np.maximum(sums[:, 1], 1) for sums in (inside, outside)]

@@ -134,3 +134,16 @@ def test_noise_has_no_more_superpixels_than_the_limit() -> None:
     tree = merge_tree(np.ones((160, 200), bool), affinities, certain=0.7, possible=0.6)
     assert tree.regions.max() == MAX_SUPERPIXELS
     assert np.unique(tree.regions).tolist() == list(range(MAX_SUPERPIXELS + 1))
+
+
+def test_a_dropped_speck_beside_an_instance_is_no_other_instance() -> None:
+    ids = np.zeros((64, 64), int)
+    ids[10:40, 10:30], ids[20:22, 30:33] = 1, 2
+    foreground, affinities = ideal_maps(ids)
+    both = ideal_maps((ids > 0).astype(int))[1]
+    affinities = np.where((both > 0) & (affinities == 0), 0.3, affinities).astype(np.float32)
+    tree = merge_tree(foreground > 0.5, affinities, certain=CONFIG.certain, possible=CONFIG.possible)
+    separate = tree.cut(lambda k: False)
+    assert len(separate) == 2
+    (features,) = label_nodes(tree, separate, foreground, CONFIG.min_cells).features
+    assert features[1] == 0
