@@ -1,4 +1,4 @@
-# make demo: fill a bin, look at it, empty it, record it.   make test: all tests.
+# make demo: fill a bin, look at it, empty it, record it, compare.   make test: all tests.
 # Both set up what they need: a virtual environment in .venv, the package, and system OpenGL where missing.
 
 PYTHON ?= python3
@@ -10,7 +10,7 @@ PYTEST := $(BIN)/python -m pytest -n 2
 .PHONY: help demo test quick coverage lint docs doctor install clean
 .DEFAULT_GOAL := help
 help:
-	@echo "make demo      run the main job: a bin of parts is filled, seen, emptied and recorded in logs/demo"
+	@echo "make demo      run the main job: a bin of parts is filled, seen, emptied by four modes and recorded in logs/demo"
 	@echo "make test      run all tests"
 	@echo "make quick     run the tests that take no process, episode or training of their own: under a minute"
 	@echo "make coverage  run all tests and report the lines that none of them executes"
@@ -32,7 +32,9 @@ $(READY): pyproject.toml .ci/constraints.txt .ci/ensure-gl
 install: $(READY)
 
 demo: $(READY)
-	$(BIN)/simpick run --out logs/demo --record --overwrite
+	@echo "picking one bin by four perception modes, about two minutes on two cores"
+	$(BIN)/simpick compare oracle coarse fine refined --parts pipe_tee crane_hook l_bracket hex_nut --count 6 \
+	  --episodes 1 --out logs/demo --record --overwrite
 
 test: $(READY)
 	$(PYTEST)

@@ -3,6 +3,7 @@ from .base import Detector as Detector
 from .base import ForegroundDetector as ForegroundDetector
 from .base import PoseEstimator as PoseEstimator
 from .base import PoseRefiner as PoseRefiner
+from .detector import LearnedDetector as LearnedDetector
 from .oracle import OracleEstimator as OracleEstimator
 from .oracle import PoseNoise as PoseNoise
 from .registry import PoseBudget as PoseBudget

@@ -64,6 +64,12 @@ def is_simulated(name: str) -> bool:
     return name in DETECTION_PRESETS
 
 
+def labelled(name: str) -> str:
+    """Return the name of these detections for tables, which states where they are simulated or an upper bound."""
+    note = {"perfect": " (simulated, an upper bound)"}.get(name, " (simulated)" if is_simulated(name) else "")
+    return f"{name} detections{note}"
+
+
 def is_file(name: str) -> bool:
     """Return whether these detections are read from a file."""
     return name.endswith((".json", ".json.gz"))

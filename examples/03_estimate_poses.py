@@ -4,9 +4,9 @@ import numpy as np
 
 from simpick import BinPickEnv, load_estimator
 from simpick.envs import frame_from_observation
-from simpick.estimators import SegmentationDetector
+from simpick.estimators import LearnedDetector
 from simpick.geometry import invert
-from simpick.metrics import EvaluationModel, pose_error
+from simpick.metrics import EvaluationModel, mssd, pose_error
 
 
 def main(mode: str = "refined", part: str = "pipe_tee", count: int = 6) -> float:
@@ -14,21 +14,19 @@ def main(mode: str = "refined", part: str = "pipe_tee", count: int = 6) -> float
     env = BinPickEnv(parts=[part], count=count)
     observation, _ = env.reset(seed=0)
     frame = frame_from_observation(observation)  # RGB image with its camera.
-    detections = SegmentationDetector(instance_parts=env.instance_part_names).detect(frame, env.parts)
+    detections = LearnedDetector().detect(frame, env.parts)  # Parts that the network has never seen.
 
     estimator = load_estimator(mode)  # Such as retrieval, fine, refined; "refined@5" asks for five hypotheses.
     for known in env.parts:
         estimator.onboard(known)  # Renders templates once; they are cached.
     estimates = estimator.estimate(frame, detections)
 
-    truth = {instance.instance: instance.T_world_part for instance in env.truth()}
     model = EvaluationModel.of(env.parts[0])
-    T_camera_world = invert(frame.T_world_camera)
+    Ts_true = invert(frame.T_world_camera) @ np.stack([instance.T_world_part for instance in env.truth()])
     errors = []
     for estimate in estimates:
-        assert estimate.detection is not None and estimate.detection.instance is not None
-        T_camera_part = T_camera_world @ truth[estimate.detection.instance]
-        error = pose_error(estimate.T_camera_part, T_camera_part, model)  # The part's symmetries count as correct.
+        nearest = Ts_true[mssd(estimate.T_camera_part, Ts_true, model).argmin()]
+        error = pose_error(estimate.T_camera_part, nearest, model)  # The part's symmetries count as correct.
         errors.append(error.rotation_deg)
         x, y, z = 1000 * estimate.T_camera_part[:3, 3]
         print(

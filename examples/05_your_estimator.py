@@ -45,6 +45,7 @@ class LyingPartEstimator:
 def main(count: int = 6) -> float:
     """Pick one bin of bolts and return the share of its parts that were delivered."""
     env = BinPickEnv(parts=["hex_bolt"], count=count)
+    # The simulator's masks, an upper bound; `simpick.estimators.LearnedDetector()` finds parts in the image.
     perception = Perception("lying", SegmentationDetector(instance_parts=env.instance_part_names), LyingPartEstimator())
     result = run_episode(env, PickPolicy(perception, env.parts, env.scene_config), seed=0)
     for pick in result.picks:

@@ -2,16 +2,16 @@
 
 from pathlib import Path
 
-from simpick import BinPickEnv, Perception, PickPolicy, run_episode
-from simpick.estimators import OracleEstimator, SegmentationDetector
+from simpick import BinPickEnv, Perception, PickPolicy, load_estimator, run_episode
+from simpick.estimators import LearnedDetector
 from simpick.recording import RerunRecorder, metrics_from_rrd
 
 
-def main(file: Path = Path("logs/example.rrd"), count: int = 6) -> int:
+def main(file: Path = Path("logs/example.rrd"), mode: str = "refined", count: int = 6) -> int:
     """Write the recording and return how many picks it holds."""
     env = BinPickEnv(parts=["hex_bolt", "pipe_tee"], count=count)
-    detector = SegmentationDetector(instance_parts=env.instance_part_names)
-    policy = PickPolicy(Perception("oracle", detector, OracleEstimator(env.truth)), env.parts, env.scene_config)
+    perception = Perception(mode, LearnedDetector(), load_estimator(mode))
+    policy = PickPolicy(perception, env.parts, env.scene_config)
     file.parent.mkdir(parents=True, exist_ok=True)
     with RerunRecorder(file, overwrite=True) as recorder:
         result = run_episode(env, policy, seed=0, recorder=recorder)

@@ -7,8 +7,9 @@ from simpick.experiments import CompareConfig
 
 
 def main(folder: Path = Path("logs/example_compare"), episodes: int = 3, count: int = 6) -> list[str]:
-    """Let the oracle and retrieval pick the same bins; a second call resumes where the first was stopped."""
+    """Let true poses and retrieval pick the same bins; a second call resumes where the first was stopped."""
     config = CompareConfig(modes=("oracle", "retrieval"), parts=("hex_bolt",), episodes=episodes, count=count)
+    print(f"detections: {config.detections}")  # What retrieval works from; the oracle is an upper bound.
     statistics = compare(config, folder).statistics()
     for mode in statistics.modes:
         for key in ("grasp_success", "clearance"):

@@ -51,7 +51,7 @@ MESSAGES: list[tuple[Callable[[], object], str]] = [
     (lambda: RunConfig(episodes=0, seed=-1), "episodes must be at least 1, got 0; seed must be at least 0, got -1"),
     (
         lambda: RunConfig(estimator="fine", noise_mm=2.0),
-        "noise_deg and noise_mm are for estimator 'oracle', got estimator 'fine'",
+        "noise_deg and noise_mm are for estimator 'oracle', got estimator 'fine'; add --estimator oracle",
     ),
     (
         lambda: RunConfig(estimator="fine@8+closer"),
@@ -76,7 +76,7 @@ MESSAGES: list[tuple[Callable[[], object], str]] = [
     ),
     (
         lambda: BinPickEnv(randomization="strng"),
-        "no randomization preset named 'strng'. Valid: default, none, strong. Did you mean 'strong'?",
+        "no randomization preset named 'strng'. Valid: default, none, photo, strong. Did you mean 'strong'?",
     ),
     (
         lambda: OracleEstimator(tuple, PoseNoise(1.0)),

@@ -18,8 +18,10 @@ class Benchmark:
     gives episodes per hour of vectorised environments instead.
     """
 
-    config: tyro.conf.OmitArgPrefixes[RunConfig] = field(default_factory=RunConfig)
-    """What to run; every episode is timed."""
+    config: tyro.conf.OmitArgPrefixes[RunConfig] = field(
+        default_factory=lambda: RunConfig(estimator="oracle", detections="perfect")
+    )
+    """What to run, by default without perception; every episode is timed."""
     envs: Annotated[tuple[int, ...], tyro.conf.arg(help_behavior_hint="(default: no vectorised environments)")] = ()
     """Numbers of vectorised environments to compare, such as 1 2 4; each runs about --episodes episodes."""
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import tyro
 
+from simpick.cli.outputs import viewer_command
 from simpick.experiments.config import CompareConfig, Execution
 
 
@@ -15,10 +16,10 @@ from simpick.experiments.config import CompareConfig, Execution
 class Compare:
     """Compare perception modes that pick the same bins.
 
-    Modes are oracle (true poses), oracle_noise (true poses with noise), retrieval, retrieval_refined, coarse, fine,
-    refined, and estimators of other packages. NAME@K asks an estimator for K hypotheses per part. NAME+closer corrects
-    each grasp by a second image, from the wrist camera. oracle_noise@2mm and oracle_noise@5deg set the noise in the
-    name. Each mode is compared with the first and with its predecessor.
+    Modes are retrieval, retrieval_refined, coarse, fine, refined and estimators of other packages; and, as upper
+    bounds, oracle (true poses) and oracle_noise (true poses with noise). NAME@K asks an estimator for K hypotheses per
+    part. NAME+closer corrects each grasp by a second image, from the wrist camera. oracle_noise@2mm and
+    oracle_noise@5deg set the noise in the name. Each mode is compared with the first and with its predecessor.
 
     The same command resumes a comparison that was stopped, also with more episodes or more modes.
     """
@@ -36,7 +37,13 @@ class Compare:
         from simpick.errors import OutputError, SimpickError
         from simpick.experiments.comparison import Comparison
         from simpick.experiments.report.html import write_report
-        from simpick.experiments.report.tables import causes_table, differences_tables, modes_tables
+        from simpick.experiments.report.tables import (
+            causes_table,
+            differences_tables,
+            modes_tables,
+            one_bin_table,
+            source_line,
+        )
         from simpick.terminal import Console
 
         comparison = Comparison.open(self.config, self.out, overwrite=self.execution.overwrite)
@@ -53,7 +60,14 @@ class Compare:
             raise
         statistics = comparison.statistics()
         causes = causes_table(comparison.failures())
-        for table in (*modes_tables(statistics), *differences_tables(statistics), causes):
+        console.print_line(source_line(self.config.detections, comparison.modes))
+        tables = [one_bin_table(statistics)]
+        if len(statistics.bins) != 1:
+            tables = [*modes_tables(statistics), *differences_tables(statistics)]
+        for table in (*tables, causes):
             console.print(table)
         console.print_line(f"report: {write_report(comparison)}")
+        last = [comparison.recording(result) for result in comparison.results if result.mode == comparison.modes[-1]]
+        if recorded := [file for file in last if file is not None]:
+            console.print_line(f"recordings: open one of {comparison.modes[-1]} with: {viewer_command(recorded[0])}")
         return 0

@@ -41,10 +41,10 @@ class Evaluate(Config):
     Prints BOP's average recalls, overall and per part, and medians by visibility. --dataset or --bins selects images.
     """
 
-    estimator: str = "oracle"
-    """oracle, retrieval, coarse, fine, refined, retrieval_refined, or another package's; NAME@K: K hypotheses."""
-    detections: str = "perfect"
-    """perfect, learned, another detector, FILE.json of BOP; bins: realistic, box; data sets: bbox_visib, bbox_obj."""
+    estimator: str = "refined"
+    """retrieval, coarse, fine, refined, retrieval_refined, another package's, or oracle; NAME@K: K hypotheses."""
+    detections: str = "learned"
+    """learned, another, FILE.json of BOP, perfect (upper bound); bins: realistic, box; data: bbox_visib, bbox_obj."""
     dataset: Annotated[Path | None, _unless_given("DIR", "simulated bins")] = None
     """Folder of a BOP data set."""
     split: Annotated[str | None, _unless_given("NAME", "test, or the only one")] = None

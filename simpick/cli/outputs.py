@@ -1,7 +1,10 @@
-"""Images that commands write: the check before any work, and the file."""
+"""What commands write: images, checked before any work, and the command that opens a recording."""
 
 from __future__ import annotations
 
+import shlex
+import shutil
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -33,3 +36,10 @@ def write_image(file: Path, rgb: UInt8[np.ndarray, "height width 3"]) -> None:
     from simpick.caching import atomic_write_bytes
 
     atomic_write_bytes(file, cv2.imencode(".png", rgb[:, :, ::-1])[1].tobytes())
+
+
+def viewer_command(recording: Path) -> str:
+    """Return the command that opens a recording: with the viewer's path if it is beside Python, but not on PATH."""
+    beside = Path(sys.executable).with_name("rerun")
+    viewer = str(beside) if beside.is_file() and shutil.which("rerun") is None else "rerun"
+    return shlex.join([viewer, str(recording)])

@@ -25,11 +25,11 @@ class PoseBenchmark(Config):
     """
 
     estimators: Annotated[tuple[str, ...], MinLen(1), tyro.conf.Positional, tyro.conf.arg(metavar="ESTIMATOR ...")] = (
-        "oracle",
+        "refined",
     )
-    """oracle, retrieval, coarse, fine, refined, retrieval_refined, or another package's; NAME@K: K hypotheses."""
-    detections: Annotated[tuple[str, ...], MinLen(1), tyro.conf.arg(metavar="NAME ...")] = ("perfect", "realistic")
-    """learned (found in the image), perfect, realistic or box (simulated), another detector, or FILE.json of BOP."""
+    """retrieval, coarse, fine, refined, retrieval_refined, another package's, or oracle; NAME@K: K hypotheses."""
+    detections: Annotated[tuple[str, ...], MinLen(1), tyro.conf.arg(metavar="NAME ...")] = ("learned", "perfect")
+    """learned (found in the image), another, FILE.json of BOP, or simulated: perfect (upper bound), realistic, box."""
     look: Literal["default", "photo"] = "default"
     """photo: the same bins lit from one side, with blur, noise, JPEG and other colours, like photographs."""
     bins: Annotated[PositiveInt | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: all 50)")] = None

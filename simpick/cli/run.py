@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import shlex
-import shutil
-import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import tyro
 
+from simpick.cli.outputs import viewer_command
 from simpick.experiments.config import Execution, RunConfig
 
 
 @dataclass(frozen=True)
 class Run:
     """Pick bins empty in closed loop and report the scores.
+
+    By default parts are detected in the image and their poses estimated and refined. --estimator oracle knows the true
+    poses: an upper bound.
 
     The same command resumes a run that was stopped, also with more episodes.
     """
@@ -44,15 +45,9 @@ class Run:
         if self.execution.record:
             files = [run.recording(result) for result in run.results]
             if recorded := [file for file in files if file is not None]:
-                console.print_line(f"recordings: open one with: {shlex.join([_viewer(), str(recorded[0])])}")
+                console.print_line(f"recordings: open one with: {viewer_command(recorded[0])}")
             if missing := len(files) - len(recorded):
                 console.print_line(
                     f"{missing} episodes were run before without --record; --overwrite runs all of them again"
                 )
         return 0
-
-
-def _viewer() -> str:
-    """Return the command of the rerun viewer: with its path if it is installed beside Python, but not on PATH."""
-    beside = Path(sys.executable).with_name("rerun")
-    return str(beside) if beside.is_file() and shutil.which("rerun") is None else "rerun"

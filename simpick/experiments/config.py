@@ -39,8 +39,8 @@ class CellConfig(Config):
     """Arm: ur5e."""
     bin_mm: tuple[_SideMm, _SideMm, _SideMm] = (400.0, 300.0, 120.0)
     """Inner length (across the arm's reach), width and depth of the bin, in millimetres."""
-    detections: str = "perfect"
-    """learned (found in the image), perfect, realistic or box (simulated), or a detector of another package."""
+    detections: str = "learned"
+    """learned (found in the image), another package's, or simulated: perfect (an upper bound), realistic, box."""
     randomization: str = "default"
     """Preset of lights, colours, textures and camera jitter: default, none or strong."""
     max_consecutive_failures: PositiveInt = 2
@@ -57,8 +57,8 @@ class RunConfig(CellConfig):
 
     CONFIG_FILE: ClassVar = "config.json"
 
-    estimator: str = ORACLE
-    """oracle (true poses), retrieval, coarse, fine, refined, retrieval_refined, or an estimator of another package."""
+    estimator: str = "refined"
+    """retrieval, coarse, fine, refined, retrieval_refined, another package's, or oracle: true poses, an upper bound."""
     hypotheses: Annotated[
         PositiveInt | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: the estimator's own)")
     ] = None
@@ -78,9 +78,20 @@ class RunConfig(CellConfig):
                 "noise_deg, noise_mm and look_closer instead"
             )
         if self.estimator != ORACLE and (self.noise_deg or self.noise_mm):
-            raise ConfigError(f"noise_deg and noise_mm are for estimator 'oracle', got estimator {self.estimator!r}")
+            raise ConfigError(
+                f"noise_deg and noise_mm are for estimator 'oracle', got estimator {self.estimator!r}; add "
+                "--estimator oracle"
+            )
         if self.estimator == ORACLE and self.hypotheses is not None:
             raise ConfigError(f"the oracle knows one pose and makes no hypotheses, got hypotheses={self.hypotheses}")
+
+    @property
+    def detections_used(self) -> str:
+        """Return the detections' name: with the oracle simulated ones, since true poses belong to instances."""
+        # Only here: it loads OpenCV.
+        from simpick.estimators.detections import is_simulated
+
+        return self.detections if self.estimator != ORACLE or is_simulated(self.detections) else "perfect"
 
     @property
     def mode(self) -> str:
@@ -105,8 +116,8 @@ class CompareConfig(CellConfig):
 
     modes: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="MODE ...")] = (
         ORACLE,
-        ORACLE_NOISE,
-        "retrieval",
+        "fine",
+        "refined",
     )
     """NAME, NAME@K with K hypotheses per part, oracle_noise@2mm or oracle_noise@5deg, each also with +closer."""
     episodes: PositiveInt = 10
@@ -136,10 +147,10 @@ class CompareConfig(CellConfig):
         if mode.name != ORACLE_NOISE:
             settings |= {"estimator": mode.name, "hypotheses": mode.hypotheses}
         elif mode.noise is None:
-            settings |= {"noise_deg": self.noise_deg, "noise_mm": self.noise_mm}
+            settings |= {"estimator": ORACLE, "noise_deg": self.noise_deg, "noise_mm": self.noise_mm}
         else:
             level, unit = mode.noise
-            settings[f"noise_{unit}"] = level
+            settings |= {"estimator": ORACLE, f"noise_{unit}": level}
         return RunConfig(**settings, look_closer=mode.look_closer)
 
 
@@ -147,6 +158,8 @@ class CompareConfig(CellConfig):
 class SweepConfig(CellConfig):
     """Levels of noise on true poses: translation without rotation, and rotation without translation."""
 
+    detections: str = "perfect"
+    """perfect, realistic or box: true poses belong to the simulator's instances, so a sweep is an upper bound."""
     episodes: PositiveInt = 4
     """How many bins to pick at each level."""
     levels_mm: tuple[NonNegativeFloat, ...] = (0.0, 1.0, 2.0, 4.0, 6.0, 8.0, 10.0)

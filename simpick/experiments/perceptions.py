@@ -10,7 +10,7 @@ import numpy as np
 from simpick.envs.bin_pick import BinPickEnv
 from simpick.envs.bin_pick_vector import BinPickVectorEnv
 from simpick.estimators.base import ForegroundDetector, PoseEstimator, PoseRefiner
-from simpick.estimators.detections import is_simulated, make_detector
+from simpick.estimators.detections import make_detector
 from simpick.estimators.oracle import OracleEstimator, OracleRefiner, PoseNoise
 from simpick.estimators.registry import ORACLE, SHIPPED, load_estimator
 from simpick.experiments.config import RunConfig
@@ -20,15 +20,6 @@ from simpick.records import InstanceTruth
 FOREGROUND_DETECTOR = "learned"
 FOREGROUND_FOR = ("realistic", "box")
 """Detections that miss parts and know nothing of the foreground: the detector above finds it in the image for them."""
-
-
-def detections_of(config: RunConfig) -> str:
-    """Return the name of the detections that a run works from.
-
-    The oracle's true poses belong to instances, which what is found in an image does not name: it gets perfect ones.
-    """
-    is_found = not is_simulated(config.detections)
-    return "perfect" if config.estimator == ORACLE and is_found else config.detections
 
 
 def make_perception(config: RunConfig, env: BinPickEnv, rng: np.random.Generator) -> Perception:
@@ -56,8 +47,7 @@ def _perception(
     rng: np.random.Generator,
 ) -> Perception:
     detector_rng, noise_rng = rng.spawn(2)
-    name = detections_of(config)
-    detector = make_detector(name, instance_parts, detector_rng)
+    detector = make_detector(config.detections_used, instance_parts, detector_rng)
     if config.estimator == ORACLE:
         noise = PoseNoise(config.noise_deg, config.noise_mm)
         estimator = OracleEstimator(truth, noise, noise_rng)
@@ -65,7 +55,7 @@ def _perception(
         make = _shared_estimator if config.estimator in SHIPPED else load_estimator
         estimator = make(config.estimator, hypotheses=config.hypotheses)
     foreground = None
-    if name in FOREGROUND_FOR:
+    if config.detections_used in FOREGROUND_FOR:
         foreground = make_detector(FOREGROUND_DETECTOR, instance_parts, detector_rng)
         assert isinstance(foreground, ForegroundDetector)
     return Perception(config.estimator, detector, estimator, foreground)

@@ -11,7 +11,7 @@ from simpick.caching import cache_key
 from simpick.estimators.detections import detector_data
 from simpick.estimators.registry import ORACLE, find_estimator
 from simpick.experiments.config import CellConfig, RunConfig
-from simpick.experiments.perceptions import FOREGROUND_DETECTOR, FOREGROUND_FOR, detections_of
+from simpick.experiments.perceptions import FOREGROUND_DETECTOR, FOREGROUND_FOR
 from simpick.experiments.provenance_changes import GRASPS, MODE_DATA, PART_CONTENT, VERSIONS
 from simpick.grasping.store import recipe, shipped_path
 
@@ -42,7 +42,7 @@ def run_provenance(config: CellConfig, runs: Iterable[RunConfig]) -> dict[str, A
 
 def _mode_data(run: RunConfig) -> dict[str, str]:
     """Return what a mode's answers depend on: the files, or packages, of its estimator and of its detectors."""
-    detections = detections_of(run)
+    detections = run.detections_used
     data = detector_data(detections)
     if detections in FOREGROUND_FOR:
         data |= detector_data(FOREGROUND_DETECTOR)

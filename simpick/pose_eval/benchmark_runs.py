@@ -159,7 +159,7 @@ def export_bins(bins: Sequence[BenchmarkBin], folder: Path, console: Console | N
 def run_pose_benchmark(
     estimator: str,
     *,
-    detections: Sequence[str] = ("perfect", "realistic"),
+    detections: Sequence[str] = ("learned", "perfect"),
     bins: int | None = None,
     look: Look = "default",
     hypotheses: int | None = None,

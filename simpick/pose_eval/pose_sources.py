@@ -82,7 +82,7 @@ class OracleSource(PoseSource):
     def prepare(self, image: PoseImage) -> None:
         """Raise ConfigError unless all detections name the instance that they come from."""
         if any(detection.instance is None for detection in image.detections):
-            raise ConfigError("the oracle needs detections made from annotations; leave out the detections file")
+            raise ConfigError("the oracle needs detections that name instances: take perfect, realistic or box")
 
     def estimate(self, image: PoseImage) -> Sequence[PoseEstimate]:
         """Return the truth."""

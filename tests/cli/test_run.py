@@ -4,6 +4,7 @@ import json
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -20,7 +21,9 @@ from tests.recording.commands import is_whole, rerun
 
 pytestmark = pytest.mark.render
 
-SMALL = ("run", "--parts", "pipe_tee", "hex_bolt", "--count", "2")
+TRUE_POSES = RunConfig(estimator="oracle")
+
+SMALL = ("run", "--estimator", "oracle", "--parts", "pipe_tee", "hex_bolt", "--count", "2")
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +100,7 @@ def test_a_stopped_run_resumes_and_ends_the_same(recorded: list[Path], tmp_path:
         (("--count", "500"), "count must be between 1 and 50, got 500"),
         (("--robot", "kuka"), "no robot named 'kuka'. Valid: ur5e."),
         (("--estimator", "telepathy"), "no estimator named 'telepathy'. Valid: coarse, fine, oracle"),
-        (("--randomization", "wild"), "no randomization preset named 'wild'. Valid: default, none, strong."),
+        (("--randomization", "wild"), "no randomization preset named 'wild'. Valid: default, none, photo, strong."),
         (("--episodes", "0"), "simpick: episodes must be at least 1, got 0"),
         (("--noise-mm", "-1"), "noise_mm must be at least 0, got -1"),
         (("--bin-mm", "60", "60", "60", "--parts", "connecting_rod"), "connecting_rod"),
@@ -106,7 +109,10 @@ def test_a_stopped_run_resumes_and_ends_the_same(recorded: list[Path], tmp_path:
             "simpick: bin_mm[0] must be between 50 and 1000, got 0.4 (give millimetres, not metres)",
         ),
         (("--estimator", "retrieval", "--noise-mm", "1"), "simpick: noise_deg and noise_mm are for estimator 'oracle'"),
-        (("--hypotheses", "4"), "simpick: the oracle knows one pose and makes no hypotheses, got hypotheses=4"),
+        (
+            ("--estimator", "oracle", "--hypotheses", "4"),
+            "simpick: the oracle knows one pose and makes no hypotheses, got hypotheses=4",
+        ),
         (("--estimator", "retrieval", "--hypotheses", "0"), "simpick: hypotheses must be at least 1, got 0"),
         (("--workers", "0"), "workers must be at least 1, got 0"),
     ],
@@ -132,7 +138,7 @@ def test_results_of_another_configuration_stay(recorded: list[Path], tmp_path: P
 
 
 def test_a_mesh_file_is_described_and_may_not_change_between_episodes(tmp_path: Path, capsys) -> None:
-    file, run = tmp_path / "brick.stl", ("--count", "1", "--out", str(tmp_path / "run"))
+    file, run = tmp_path / "brick.stl", ("--estimator", "oracle", "--count", "1", "--out", str(tmp_path / "run"))
     trimesh.creation.box((40, 25, 20)).export(file)
     assert main(["run", "--parts", str(file), *run]) == 0
     printed = capsys.readouterr().out
@@ -145,10 +151,20 @@ def test_a_mesh_file_is_described_and_may_not_change_between_episodes(tmp_path: 
 @pytest.mark.parametrize(
     ("config", "title"),
     [
-        (RunConfig(), "oracle, jaw, perfect detections"),
-        (RunConfig(noise_deg=7.5, noise_mm=2), "oracle_noise (7.5 deg, 2 mm), jaw, perfect detections"),
-        (RunConfig(noise_mm=2, look_closer=True), "oracle_noise@2mm+closer, jaw, perfect detections"),
-        (RunConfig(estimator="fine", hypotheses=8), "fine@8, jaw, perfect detections"),
+        (RunConfig(), "refined, jaw, learned detections"),
+        (RunConfig(detections="perfect"), "refined, jaw, perfect detections (simulated, an upper bound)"),
+        (RunConfig(detections="box"), "refined, jaw, box detections (simulated)"),
+        # True poses belong to instances, which detections found in the image do not name.
+        (TRUE_POSES, "oracle (true poses, an upper bound), jaw, perfect detections (simulated, an upper bound)"),
+        (
+            replace(TRUE_POSES, noise_deg=7.5, noise_mm=2, detections="realistic"),
+            "oracle_noise (true poses, 7.5 deg, 2 mm), jaw, realistic detections (simulated)",
+        ),
+        (
+            replace(TRUE_POSES, noise_mm=2, look_closer=True),
+            "oracle_noise@2mm+closer (true poses), jaw, perfect detections (simulated, an upper bound)",
+        ),
+        (RunConfig(estimator="fine", hypotheses=8), "fine@8, jaw, learned detections"),
     ],
 )
 def test_the_table_names_mode_and_noise(config: RunConfig, title: str) -> None:

@@ -61,7 +61,7 @@ def test_your_estimator() -> None:
 
 
 def test_record_an_episode(tmp_path: Path) -> None:
-    assert main_of(6)(tmp_path / "episode.rrd", count=1) >= 1
+    assert main_of(6)(tmp_path / "episode.rrd", "retrieval", count=1) >= 1
 
 
 def test_compare_modes(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ pytestmark = pytest.mark.render
 
 
 def test_a_retrieved_pose_is_nearer_to_the_truth_after_the_closer_look(monkeypatch: pytest.MonkeyPatch) -> None:
-    config = RunConfig(parts=("l_bracket",), count=1, estimator="retrieval", look_closer=True)
+    config = RunConfig(parts=("l_bracket",), count=1, estimator="retrieval", detections="perfect", look_closer=True)
     env, refined = make_env(config), CloserLook.refined
     distances_mm: list[tuple[float, float]] = []
 

@@ -39,9 +39,17 @@ def test_each_mode_stands_for_a_run_of_the_same_cell() -> None:
 
 def test_a_run_is_named_by_its_mode() -> None:
     assert RunConfig(estimator="fine", hypotheses=8, look_closer=True).mode == "fine@8+closer"
-    assert (
-        RunConfig(noise_mm=2).mode == "oracle_noise@2mm" and RunConfig(noise_mm=2, noise_deg=1).mode == "oracle_noise"
-    )
+    assert RunConfig(estimator="oracle", noise_mm=2).mode == "oracle_noise@2mm"
+    assert RunConfig(estimator="oracle", noise_mm=2, noise_deg=1).mode == "oracle_noise"
+
+
+def test_what_nobody_asked_otherwise_is_found_in_the_image() -> None:
+    assert (RunConfig().estimator, RunConfig().detections) == ("refined", "learned")
+    assert CompareConfig().detections == "learned" and "refined" in CompareConfig().modes
+    runs = CompareConfig(modes=("oracle", "refined", "oracle_noise@2mm")).runs()
+    assert [run.detections_used for run in runs.values()] == ["perfect", "learned", "perfect"]
+    realistic = CompareConfig(modes=("oracle", "refined"), detections="realistic").runs()
+    assert {run.detections_used for run in realistic.values()} == {"realistic"}
 
 
 def test_a_sweep_compares_its_levels_and_runs_true_poses_once() -> None:

@@ -19,7 +19,9 @@ def test_episodes_share_a_shipped_estimator_but_not_its_detector() -> None:
 
 def test_oracles_are_not_shared_because_their_noise_is_an_episodes_own() -> None:
     env = BinPickEnv(count=1)
-    first, second = (make_perception(RunConfig(), env, np.random.default_rng(seed)) for seed in (0, 1))
+    first, second = (
+        make_perception(RunConfig(estimator="oracle"), env, np.random.default_rng(seed)) for seed in (0, 1)
+    )
     assert first.estimator is not second.estimator
 
 

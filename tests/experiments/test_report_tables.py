@@ -3,10 +3,11 @@
 import io
 
 import numpy as np
+import pytest
 
 from simpick.experiments.analysis.failure_causes import find_failures
 from simpick.experiments.analysis.paired import MEASURES, compare_modes
-from simpick.experiments.report.tables import causes_table, differences_tables, modes_tables
+from simpick.experiments.report.tables import causes_table, differences_tables, modes_tables, one_bin_table, source_line
 from simpick.experiments.result_store import EpisodeResult
 from simpick.records import PickOutcome
 from simpick.terminal import Console
@@ -50,3 +51,35 @@ def test_causes_of_nine_modes_are_shown_whole_in_80_columns() -> None:
 def test_one_mode_has_no_differences() -> None:
     result = EpisodeResult(0, 0, ("tee",), (make_pick(0),), "cleared", {}, "oracle")
     assert differences_tables(compare_modes([result], ("oracle",), np.random.default_rng(0))) == []
+
+
+def test_one_bin_is_one_table_in_80_columns() -> None:
+    results = [EpisodeResult(0, 0, ("tee",), (make_pick(0),), "cleared", {}, mode) for mode in MODES]
+    output = io.StringIO()
+    table = one_bin_table(compare_modes(results, MODES, np.random.default_rng(0)))
+    Console(file=output, width=80).print(table)
+    lines = [line.split() for line in output.getvalue().splitlines()]
+    assert "one bin: no intervals; --episodes N takes more" in output.getvalue()
+    assert [line[:3] for line in lines if line and line[0] in MODES] == [[mode, "100.0", "100.0"] for mode in MODES]
+    assert "\u2026" not in output.getvalue() and " to " not in output.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("detections", "modes", "line"),
+    [
+        ("learned", ("fine", "refined"), "learned detections"),
+        (
+            "learned",
+            ("oracle", "refined"),
+            "learned detections; oracle modes have the true poses of perfect detections, an upper bound",
+        ),
+        ("perfect", ("refined",), "perfect detections (simulated, an upper bound)"),
+        (
+            "realistic",
+            ("oracle_noise@2mm",),
+            "realistic detections (simulated); oracle modes have the true poses, an upper bound",
+        ),
+    ],
+)
+def test_what_rests_on_the_truth_is_named(detections: str, modes: tuple[str, ...], line: str) -> None:
+    assert source_line(detections, modes) == line

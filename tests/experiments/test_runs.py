@@ -11,7 +11,7 @@ from simpick.experiments.config import Execution, RunConfig
 from simpick.experiments.result_store import EpisodeResult, ResultStore
 from simpick.workers import LostCallError, WorkerLimits
 
-CONFIG = RunConfig(episodes=8)
+CONFIG = RunConfig(episodes=8, estimator="oracle")
 JOBS = [(CONFIG, episode) for episode in range(CONFIG.episodes)]
 
 

@@ -139,7 +139,7 @@ def test_a_run_records_what_the_wrist_saw() -> None:
             self.modes += [estimate.mode for estimate in estimates]
 
     recorder = Listening()
-    config = RunConfig(parts=("pipe_tee",), count=1, noise_mm=8.0, look_closer=True)
+    config = RunConfig(estimator="oracle", parts=("pipe_tee",), count=1, noise_mm=8.0, look_closer=True)
     result = run_configured_episode(config, 0, recorder=recorder)
     assert recorder.cameras[:2] == ["overhead", "wrist"] and recorder.modes[:2] == ["oracle", "closer_look"]
     assert "look" in result.picks[0].stages

@@ -28,7 +28,8 @@ from simpick.records import PoseEstimate
 from tests.small_scenes import small_scene
 
 SCENE = small_scene("hex_bolt", "pipe_tee", count=3, width_px=320, height_px=240)
-BLURRED = RunConfig(noise_mm=1.0, noise_deg=2.0, detections="realistic")
+TRUE_POSES = RunConfig(estimator="oracle")
+BLURRED = RunConfig(estimator="oracle", noise_mm=1.0, noise_deg=2.0, detections="realistic")
 
 
 def rngs() -> list[np.random.Generator]:
@@ -153,12 +154,12 @@ def test_a_shared_estimator_is_asked_once_if_it_can_batch_and_frame_by_frame_if_
 @pytest.mark.render
 def test_other_environments_and_modes_are_refused(envs) -> None:
     with pytest.raises(ConfigError, match="one perception for each of the 2 environments, got 1"):
-        PoseVectorObservation(envs, make_vector_perceptions(RunConfig(), envs, rngs()[:1]))
+        PoseVectorObservation(envs, make_vector_perceptions(TRUE_POSES, envs, rngs()[:1]))
     with pytest.raises(ConfigError, match="perceptions must hold one for each environment, got none"):
         VectorPickPolicy([], envs.parts, SCENE)
     same_step = BinPickVectorEnv(1, scene_config=SCENE, autoreset_mode="SameStep")
     with pytest.raises(ConfigError, match="needs autoreset_mode NextStep or Disabled, got SameStep"):
-        PoseVectorObservation(same_step, make_vector_perceptions(RunConfig(), same_step, rngs()[:1]))
+        PoseVectorObservation(same_step, make_vector_perceptions(TRUE_POSES, same_step, rngs()[:1]))
     same_step.close()
 
 

@@ -28,6 +28,8 @@ from simpick.pose_eval.pose_images import PoseImage
 from simpick.pose_eval.pose_sources import OracleSource
 from simpick.records import PoseEstimate, PoseHypothesis
 
+SIMULATED = ("perfect", "realistic")
+
 
 def test_there_are_fifty_bins_and_every_five_are_like_the_whole() -> None:
     bins = benchmark_bins()
@@ -103,7 +105,7 @@ def test_bins_are_written_for_other_detectors_whose_file_is_read(tmp_path: Path,
 
 @pytest.mark.render
 def test_true_poses_have_no_error_and_misses_count() -> None:
-    result = run_pose_benchmark("oracle", bins=2)
+    result = run_pose_benchmark("oracle", bins=2, detections=SIMULATED)
     perfect, realistic = result.evaluations["perfect"], result.evaluations["realistic"]
     assert perfect.summary.count == perfect.summary.answered == realistic.summary.count
     assert perfect.scores.overall.ar == 1 and perfect.summary.recall_5_deg == 1
@@ -189,9 +191,18 @@ def test_bins_weighted_by_targets_make_the_whole() -> None:
 @pytest.mark.render
 def test_the_command_writes_the_figures_that_several_processes_find_too(tmp_path: Path, capsys) -> None:
     out = tmp_path / "out"
-    assert main(["pose-benchmark", "oracle", "--bins", "2", "--workers", "2", "--out", str(out)]) == 0
+    assert (
+        main(
+            ["pose-benchmark", "oracle", "--detections", *SIMULATED, "--bins", "2", "--workers", "2", "--out", str(out)]
+        )
+        == 0
+    )
     (written,) = json.loads((out / "yardstick.json").read_text())["results"]
-    here = json.loads(json.dumps(to_json(run_pose_benchmark("oracle", bins=2)), allow_nan=True).replace("NaN", "null"))
+    here = json.loads(
+        json.dumps(to_json(run_pose_benchmark("oracle", bins=2, detections=SIMULATED)), allow_nan=True).replace(
+            "NaN", "null"
+        )
+    )
     for figures in (written, here):
         for preset in figures["detections"].values():
             preset.pop("ms_per_detection")

@@ -21,7 +21,7 @@ from simpick.experiments.analysis.paired import MEASURES, PairedStatistics, best
 from simpick.experiments.comparison import Comparison
 from simpick.experiments.modes import parse_mode
 from simpick.experiments.report.plots import PLOTS, mode_colours
-from simpick.experiments.report.tables import DIFFERENCES, cause_cells, cause_headings, heading, number
+from simpick.experiments.report.tables import DIFFERENCES, cause_cells, cause_headings, heading, number, source_line
 from simpick.experiments.result_store import EpisodeResult
 
 REPORT_FILE = "report.html"
@@ -55,6 +55,7 @@ def report_html(comparison: Comparison, plots: dict[str, str]) -> str:
     paired, failures = comparison.paired(), comparison.failures()
     return environment.get_template("report_template.html").render(
         config=comparison.config,
+        source=source_line(comparison.config.detections, comparison.modes),
         modes=comparison.modes,
         colours=mode_colours(comparison.modes),
         # Only what matplotlib drew is not escaped; it escapes texts itself.

@@ -5,16 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+from simpick.estimators.detections import is_simulated, labelled
 from simpick.experiments.analysis.failure_causes import Failure, FailureCause, count_causes
 from simpick.experiments.analysis.grasp_scores import score_grasps
 from simpick.experiments.analysis.paired import MEASURES, Measure, PairedStatistics
 from simpick.experiments.config import RunConfig
+from simpick.experiments.modes import ORACLE, parse_mode
 from simpick.experiments.result_store import EpisodeResult
 from simpick.metrics.intervals import Interval
 from simpick.terminal import Table, narrow_table
 
 DIFFERENCES = ("grasp_success", "first_try", "clearance", "mpph", "rotation_deg", "translation_mm")
 """Measures whose differences are shown."""
+ONE_BIN_MEASURES = ("grasp_success", "clearance", "mpph", "rotation_deg", "translation_mm")
+"""Measures that are shown of a single bin."""
 TABLE_MEASURES = 3
 """Columns of a table: as many as fit beside the longest names of modes in 80 columns."""
 
@@ -43,8 +47,12 @@ def heading(measure: Measure) -> str:
 def scores_table(config: RunConfig, results: Sequence[EpisodeResult]) -> Table:
     """Return the grasp scores of one run."""
     scores = score_grasps(results)
-    # The mode's name leaves out the noise where it has both kinds.
-    noise = f" ({config.noise_deg:g} deg, {config.noise_mm:g} mm)" if config.noise_deg and config.noise_mm else ""
+    notes = ["true poses"] if config.estimator == ORACLE else []
+    if config.noise_deg and config.noise_mm:  # The mode's name leaves out the noise where it has both kinds.
+        notes += [f"{config.noise_deg:g} deg", f"{config.noise_mm:g} mm"]
+    elif config.mode == ORACLE:
+        notes.append("an upper bound")
+    note = f" ({', '.join(notes)})" if notes else ""
     rows = {
         "episodes": f"{scores.episodes}",
         "attempts": f"{scores.attempts}",
@@ -60,8 +68,28 @@ def scores_table(config: RunConfig, results: Sequence[EpisodeResult]) -> Table:
         "median translation error": f"{scores.translation_mm:.2f} mm",
     }
     rows |= {f"outcome {name}": f"{n}" for name, n in scores.outcomes.items()}
-    title = f"{config.mode}{noise}, {config.gripper}, {config.detections} detections"
+    title = f"{config.mode}{note}, {config.gripper}, {labelled(config.detections_used)}"
     return narrow_table("measure", "value", title=title, rows=rows.items())
+
+
+def source_line(detections: str, modes: Sequence[str]) -> str:
+    """Return what detections and which modes rest on the simulator's truth, in words."""
+    line = labelled(detections)
+    if any(parse_mode(mode).knows_truth for mode in modes):
+        line += "; oracle modes have the true poses"
+        line += ", an upper bound" if is_simulated(detections) else " of perfect detections, an upper bound"
+    return line
+
+
+def one_bin_table(statistics: PairedStatistics) -> Table:
+    """Return the figures of a single bin, which has no intervals: a row per mode."""
+    shown = [measure for measure in MEASURES if measure.key in ONE_BIN_MEASURES]
+    rows = [
+        (mode, *(number(statistics.measures[mode][measure.key].value, measure) for measure in shown))
+        for mode in statistics.modes
+    ]
+    titles = [heading(measure).replace(" (MPPH)", "").replace(" ", "\n", 1) for measure in shown]
+    return narrow_table("mode", *titles, title="one bin: no intervals; --episodes N takes more", rows=rows)
 
 
 def modes_tables(statistics: PairedStatistics) -> list[Table]:
