@@ -42,7 +42,7 @@ class CellConfig(Config):
     detections: str = "learned"
     """learned (found in the image), another package's, or simulated: perfect (an upper bound), realistic, box."""
     randomization: str = "default"
-    """Preset of lights, colours, textures and camera jitter: default, none or strong."""
+    """Preset of lights, colours, textures and camera jitter: default, none, strong or photo."""
     max_consecutive_failures: PositiveInt = 2
     """End an episode after this many picks in a row that delivered nothing, abstentions included."""
 
