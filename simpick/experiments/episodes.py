@@ -175,6 +175,7 @@ def _pick(
     recorder.frame("overhead", frame)
     recorder.detections("overhead", decision.percept.detections)
     recorder.estimates(frame.T_world_camera, decision.percept.estimates)
+    recorder.truth(truth)
     if decision.grasp is not None:
         recorder.grasp(decision.grasp.T_world_tcp)
     observation, _, _, _, info = env.step(action)

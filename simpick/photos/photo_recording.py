@@ -17,7 +17,6 @@ from simpick.recording.perception_layers import LayerPaths, PerceptionLayers
 from simpick.recording.recording_file import RecordingFile
 
 _ROOT, _CAMERA = "/world", "/world/camera"
-_ESTIMATES = "/world/estimates"
 _JPEG_QUALITY = 90
 
 
@@ -35,7 +34,13 @@ class PhotoRecording(Closing):
         """
         self._file = RecordingFile(path, overwrite=overwrite)
         self._stream = self._file.open(path.stem)
-        paths = LayerPaths({"camera": _CAMERA}, _ESTIMATES, f"{_ROOT}/grasp")
+        paths = LayerPaths(
+            {"camera": _CAMERA},
+            detections=f"{_ROOT}/detections",
+            estimates=f"{_ROOT}/estimates",
+            truth=f"{_ROOT}/truth",
+            grasp=f"{_ROOT}/grasp",
+        )
         self._layers = PerceptionLayers(self._stream, paths, parts, _JPEG_QUALITY)
         self._stream.log(_ROOT, rr.ViewCoordinates.RDF, static=True, strict=True)
         self._layers.log_mask_colours(_ROOT)
@@ -69,9 +74,9 @@ class PhotoRecording(Closing):
     def _layout(self) -> rrb.Blueprint:
         overlays = self._layers.edge_paths
         image = rrb.Spatial2DView(
-            origin=_CAMERA, name="Image", contents=["$origin/rgb", "$origin/masks", "$origin/detections", *overlays]
+            origin=_CAMERA, name="Image", contents=["$origin/rgb", "$origin/masks", "$origin/detections/**", *overlays]
         )
-        hidden = [f"- {_CAMERA}/{layer}" for layer in ("masks", "detections")]
+        hidden = [f"- {_CAMERA}/{layer}/**" for layer in ("masks", "detections")]
         space = rrb.Spatial3DView(origin=_ROOT, name="Parts and camera", contents=["$origin/**", *hidden])
         log = rrb.TextLogView(origin="/log", name="Checks", contents=["$origin"])
         return rrb.Blueprint(

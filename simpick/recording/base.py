@@ -9,6 +9,7 @@ An episode is a sequence of events::
             recorder.frame("overhead", frame)
             recorder.detections("overhead", detections)
             recorder.estimates(frame.T_world_camera, estimates)
+            recorder.truth(truth)
             recorder.grasp(T_world_tcp)
             recorder.stage("approach")             # whenever the robot enters a stage
             recorder.tick(data)                    # after every physics step; the recorder thins them out
@@ -30,7 +31,7 @@ import numpy as np
 from jaxtyping import Float
 
 from simpick.assets.part import Part
-from simpick.records import CameraFrame, Detection, PickRecord, PoseEstimate
+from simpick.records import CameraFrame, Detection, InstanceTruth, PickRecord, PoseEstimate
 
 
 @runtime_checkable
@@ -62,6 +63,9 @@ class Recorder(Protocol):
 
     def estimates(self, T_world_camera: Float[np.ndarray, "4 4"], estimates: Sequence[PoseEstimate]) -> None:
         """Note the poses that were estimated; they replace earlier ones of the same mode, none replace all."""
+
+    def truth(self, truth: Sequence[InstanceTruth]) -> None:
+        """Note the true poses of the parts in the bin at this moment; perception does not get them."""
 
     def grasp(self, T_world_tcp: Float[np.ndarray, "4 4"]) -> None:
         """Note the gripper pose that was chosen."""

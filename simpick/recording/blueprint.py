@@ -9,6 +9,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.components import PanelState
 
+from simpick.recording.legend import LEGEND_PATH
 from simpick.records import PickOutcome
 
 _FAILURE_COLOURS = {
@@ -59,31 +60,27 @@ def default_blueprint(
     hidden: Sequence[str],
     overlays: Sequence[str],
     eye: tuple[Sequence[float], Sequence[float]],
+    near_eye: tuple[Sequence[float], Sequence[float]] | None,
     latencies: bool,
 ) -> rrb.Blueprint:
     """Return the layout of a recording of the model below `root`.
 
-    `eye` holds where the viewer stands and where it looks (metres, world); `hidden` are entities that the 3D view
-    leaves out, `overlays` entities that are projected into the images of cameras at rest. The first camera's image is
-    always in sight, all others share tabs; wall-clock latencies have a plot only where they are recorded.
+    `eye` holds where the viewer stands and where it looks (metres, world), `near_eye` the same for a close view of what
+    the first camera sees; `hidden` are entities that the 3D views leave out, `overlays` entities that are projected
+    into the images of cameras at rest. The first camera's image is always in sight, all others share tabs; wall-clock
+    latencies have a plot only where they are recorded.
     """
-    cell = rrb.Spatial3DView(
-        origin=root,
-        name="Cell",
-        contents=[
-            "$origin/**",
-            *(f"- {path}/**" for path in (*hidden, *overlays)),
-            *(f"- {camera.path}/{layer}" for camera in cameras for layer in ("rgb", "depth", "detections", "masks")),
-        ],
-        background=rrb.Background(color=_BACKGROUND),
-        line_grid=rrb.LineGrid3D(visible=False),
-        eye_controls=rrb.EyeControls3D(position=eye[0], look_target=eye[1], eye_up=[0.0, 0.0, 1.0]),
-    )
-    images = [
+    contents = [
+        "$origin/**",
+        *(f"- {path}/**" for path in hidden),
+        *(f"- {camera.path}/{layer}/**" for camera in cameras for layer in ("rgb", "depth", "detections", "masks")),
+    ]
+    cell = _view_3d(root, "Cell", contents, eye)
+    images: list[rrb.View] = [
         rrb.Spatial2DView(
             origin=camera.path,
             name=_title(camera.name),
-            contents=["$origin/rgb", "$origin/masks", "$origin/detections", *([] if camera.moves else overlays)],
+            contents=["$origin/rgb", "$origin/masks", "$origin/detections/**", *([] if camera.moves else overlays)],
         )
         for camera in cameras
     ]
@@ -92,6 +89,9 @@ def default_blueprint(
         for camera in cameras
         if camera.has_depth
     ]
+    if near_eye is not None:
+        without_cameras = [*contents, *(f"- {camera.path}/**" for camera in cameras)]
+        images.insert(1, _view_3d(root, "Detections, estimates, truth", without_cameras, near_eye))
     top: list[rrb.View | rrb.Container] = [cell]
     if images:
         top.append(rrb.Vertical(images[0], *([rrb.Tabs(*images[1:])] if images[1:] else [])))
@@ -122,15 +122,29 @@ def default_blueprint(
         contents=["$origin"],
         columns=rrb.TextLogColumns(timeline_columns=["sim_time", "pick"], text_log_columns=["LogLevel", "Body"]),
     )
+    legend = rrb.TextDocumentView(origin=LEGEND_PATH, name="Legend")
     return rrb.Blueprint(
         rrb.Vertical(
             rrb.Horizontal(*top, column_shares=[2, 1][: len(top)]),
-            rrb.Horizontal(picks, errors, rrb.Tabs(*plots), log, column_shares=[4, 3, 3, 4]),
+            rrb.Horizontal(picks, errors, rrb.Tabs(*plots), rrb.Tabs(legend, log), column_shares=[4, 3, 3, 4]),
             row_shares=[7, 3],
         ),
         rrb.TimePanel(timeline="sim_time", state=PanelState.Collapsed),
         rrb.SelectionPanel(state=PanelState.Collapsed),
         rrb.BlueprintPanel(state=PanelState.Collapsed),
+    )
+
+
+def _view_3d(
+    root: str, name: str, contents: Sequence[str], eye: tuple[Sequence[float], Sequence[float]]
+) -> rrb.Spatial3DView:
+    return rrb.Spatial3DView(
+        origin=root,
+        name=name,
+        contents=list(contents),
+        background=rrb.Background(color=_BACKGROUND),
+        line_grid=rrb.LineGrid3D(visible=False),
+        eye_controls=rrb.EyeControls3D(position=eye[0], look_target=eye[1], eye_up=[0.0, 0.0, 1.0]),
     )
 
 

@@ -44,7 +44,9 @@ class MujocoLogger:
         self._names = EntityNames()
         # Reserved before any body may claim them.
         cameras_path = self._names.path(root, "cameras")
+        self.detections_path: str = self._names.path(root, "detections")
         self.estimates_path: str = self._names.path(root, "estimates")
+        self.truth_path: str = self._names.path(root, "truth")
         self.grasp_path: str = self._names.path(root, "grasp")
         bodies = [root] + [
             self._names.path(root, object_name(model, mujoco.mjtObj.mjOBJ_BODY, body)) for body in range(1, model.nbody)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import rerun as rr
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 
 from simpick.assets.part import Part
 from simpick.assets.shading import split_at_creases
@@ -16,20 +16,23 @@ from simpick.errors import UnknownNameError
 from simpick.geometry.transforms import quaternion_from_matrix, transform_points
 from simpick.recording.blueprint import RecordedCamera
 from simpick.recording.entity_names import EntityNames
-from simpick.records import CameraFrame, Detection, PoseEstimate
+from simpick.recording.legend import DETECTION_RGB, TRUTH_RGB, estimate_rgb
+from simpick.records import CameraFrame, Detection, InstanceTruth, PoseEstimate
 
 DEPTH_UNITS_PER_M = 10_000
 """Depth is stored as 16-bit PNG in steps of 0.1 mm, up to 6.55 m: a tenth of the size of float32."""
 _GOLDEN_ANGLE = 0.381966
 _OVERLAY_OPACITY = 0.45
-_GHOST_ALPHA = 90
+_GHOST_ALPHA = 110
 _MOST_LABELS = 4
 """More boxes show their labels only under the pointer, so that they do not hide the image."""
 _TCP_AXES_M = 0.06
 _EDGE_ANGLE_RAD = np.radians(35)
-_EDGE_WIDTH = 0.4
+_EDGE_WIDTH = 0.6
+_OUTLINE_WIDTH = 1.0
 _MOST_EDGES = 600
-_FIRST_MODE_HUE = 3
+_NEAR_SHARE = 0.55
+"""How far from what it sees the close view stands, as a share of the camera's own distance."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +41,10 @@ class LayerPaths:
 
     cameras: Mapping[str, str]
     """Entity of each camera, by name."""
+    detections: str
+    """Their outlines in 3D."""
     estimates: str
+    truth: str
     grasp: str
     moving_cameras: frozenset[str] = frozenset()
     """Names of the cameras that ride on a body that can move."""
@@ -57,8 +63,9 @@ class PerceptionLayers:
         self._stream, self._quality, self._names = stream, jpeg_quality, EntityNames()
         self._camera_paths, self._moving_cameras = paths.cameras, paths.moving_cameras
         self._estimates_path, self._grasp_path = paths.estimates, paths.grasp
+        self._detections_path, self._truth_path = paths.detections, paths.truth
         self._parts = {part.name: part for part in parts}
-        self._image_px: dict[str, tuple[int, int]] = {}
+        self._frames: dict[str, CameraFrame] = {}
         self._with_depth: set[str] = set()
         self._feature_edges: dict[str, Float[np.ndarray, "_ 2 3"]] = {}
         self._ghosts: dict[str, dict[str, str]] = {}
@@ -66,7 +73,7 @@ class PerceptionLayers:
     def frame(self, camera: str, frame: CameraFrame) -> None:
         """Log an image as JPEG, and its depth if it has any."""
         path = self._camera_path(camera)
-        self._image_px[camera] = frame.rgb.shape[:2]
+        self._frames[camera] = frame
         jpeg = _encoded(".jpg", frame.rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, self._quality])
         self._log(f"{path}/rgb", rr.EncodedImage(contents=jpeg, media_type="image/jpeg"))
         if frame.depth_m is not None:
@@ -93,29 +100,33 @@ class PerceptionLayers:
     @property
     def recorded_cameras(self) -> list[RecordedCamera]:
         """Return the cameras whose images were logged, in the model's order, ``overhead`` first."""
-        names = sorted((name for name in self._camera_paths if name in self._image_px), key=lambda n: n != "overhead")
+        names = sorted((name for name in self._camera_paths if name in self._frames), key=lambda n: n != "overhead")
         return [
             RecordedCamera(name, self._camera_paths[name], name in self._with_depth, name in self._moving_cameras)
             for name in names
         ]
 
     def detections(self, camera: str, detections: Sequence[Detection]) -> None:
-        """Log boxes and masks over the camera's image, each detection in its own colour."""
+        """Log boxes, outlines and masks over the camera's image, and the outlines in 3D where the image has depth.
+
+        Boxes and outlines have the detections' colour; masks differ from each other.
+        """
         path = self._camera_path(camera)
-        colours = [_colour(k) for k in range(len(detections))]
         boxes = np.array([detection.box_xyxy_px for detection in detections]).reshape(-1, 4)
         self._log(
             f"{path}/detections",
             rr.Boxes2D(
                 mins=boxes[:, :2],
                 sizes=boxes[:, 2:] - boxes[:, :2],
-                colors=np.array(colours, np.uint8).reshape(-1, 3),
+                colors=[DETECTION_RGB],
                 labels=[f"{detection.part} {detection.score:.2f}" for detection in detections],
                 show_labels=len(detections) <= _MOST_LABELS,
             ),
         )
+        self._log_outlines(camera, [detection.mask for detection in detections if detection.mask is not None])
         masks = [detection.mask for detection in detections if detection.mask is not None]
-        shape = masks[0].shape if masks else self._image_px.get(camera)
+        frame = self._frames.get(camera)
+        shape = masks[0].shape if masks else None if frame is None else frame.rgb.shape[:2]
         if shape is None:
             return
         ids = np.zeros(shape, np.uint8)
@@ -127,7 +138,7 @@ class PerceptionLayers:
         self._log(f"{path}/masks", rr.SegmentationImage(ids, opacity=_OVERLAY_OPACITY))
 
     def log_mask_colours(self, root: str) -> None:
-        """Give the masks' labels the colours of the boxes; once a recording."""
+        """Give the masks' labels their colours; once a recording."""
         context = [rr.AnnotationInfo(id=0, color=(0, 0, 0, 0))]
         context += [rr.AnnotationInfo(id=k + 1, color=_colour(k)) for k in range(255)]
         self._stream.log(root, rr.AnnotationContext(context), static=True, strict=True)
@@ -153,6 +164,27 @@ class PerceptionLayers:
                 self._log(path, *_instances(T_world_camera, chosen))
             self._log_edges(mode, T_world_camera, of_mode)
 
+    def truth(self, truth: Sequence[InstanceTruth]) -> None:
+        """Show the edges of the parts in the bin at their true poses."""
+        shown = [instance for instance in truth if instance.in_bin and instance.part in self._parts]
+        strips = [transform_points(instance.T_world_part, self._edges(instance.part)) for instance in shown]
+        self._log(self._truth_path, _edge_strips(strips, TRUTH_RGB))
+
+    @property
+    def near_eye(self) -> tuple[list[float], list[float]] | None:
+        """Return where to stand and look to see what the first camera at rest sees from nearby; None without image."""
+        names = [camera.name for camera in self.recorded_cameras if not camera.moves]
+        if not names:
+            return None
+        frame = self._frames[names[0]]
+        T, depth_m = frame.T_world_camera, frame.depth_m
+        distance_m = 1.0 if depth_m is None or not depth_m.any() else float(np.median(depth_m[depth_m > 0]))
+        target = T[:3, 3] + distance_m * T[:3, 2]
+        # From the side of the image's lower edge, half-way up.
+        away = T[:3, 1] - T[:3, 2]
+        eye = target + _NEAR_SHARE * distance_m * away / np.linalg.norm(away)
+        return eye.tolist(), target.tolist()
+
     def grasp(self, T_world_tcp: Float[np.ndarray, "4 4"]) -> None:
         """Show the chosen gripper pose as axes: x red (closing), z blue (approach)."""
         self._log(
@@ -168,15 +200,21 @@ class PerceptionLayers:
             transform_points(T_world_camera @ estimate.T_camera_part, self._edges(estimate.part))
             for estimate in estimates
         ]
-        colour = _colour(list(self._ghosts).index(mode) + _FIRST_MODE_HUE)
-        self._log(
-            f"{self._mode_path(mode)}/edges",
-            rr.LineStrips3D(
-                np.concatenate([np.zeros((0, 2, 3)), *strips]).astype(np.float32),
-                colors=[colour],
-                radii=rr.Radius.ui_points(_EDGE_WIDTH),
-            ),
-        )
+        colour = estimate_rgb(list(self._ghosts).index(mode))
+        self._log(f"{self._mode_path(mode)}/edges", _edge_strips(strips, colour))
+
+    def _log_outlines(self, camera: str, masks: Sequence[Bool[np.ndarray, "height width"]]) -> None:
+        frame = self._frames.get(camera)
+        outlines = [(mask, outline) for mask in masks for outline in _outlines(mask)]
+        width = rr.Radius.ui_points(_OUTLINE_WIDTH)
+        flat = rr.LineStrips2D([outline for _, outline in outlines], colors=[DETECTION_RGB], radii=width)
+        self._log(f"{self._camera_path(camera)}/detections/outlines", flat)
+        if frame is None or frame.depth_m is None:
+            return
+        # A mask has no depth: the simulator's image lends its own, for the eye only.
+        strips = [transform_points(frame.T_world_camera, _at_depth(frame, outline, mask)) for mask, outline in outlines]
+        path = f"{self._detections_path}/{rr.escape_entity_path_part(camera)}"
+        self._log(path, rr.LineStrips3D(strips, colors=[DETECTION_RGB], radii=width))
 
     def _edges(self, part: str) -> Float[np.ndarray, "_ 2 3"]:
         """Return the edges where a part's surface bends, the sharpest first if there are very many."""
@@ -202,7 +240,7 @@ class PerceptionLayers:
                 vertex_positions=vertices.astype(np.float32),
                 triangle_indices=faces.astype(np.uint32),
                 vertex_normals=normals.astype(np.float32),
-                albedo_factor=(*_colour(mode_index + _FIRST_MODE_HUE), _GHOST_ALPHA),
+                albedo_factor=(*estimate_rgb(mode_index), _GHOST_ALPHA),
             ),
             static=True,
             strict=True,
@@ -216,6 +254,26 @@ class PerceptionLayers:
 
     def _log(self, path: str, *archetypes: rr.AsComponents) -> None:
         self._stream.log(path, *archetypes, strict=True)
+
+
+def _edge_strips(strips: Sequence[Float[np.ndarray, "_ 2 3"]], rgb: tuple[int, int, int]) -> rr.LineStrips3D:
+    """Return the edges of several parts as thin lines."""
+    points = np.concatenate([np.zeros((0, 2, 3)), *strips]).astype(np.float32)
+    return rr.LineStrips3D(points, colors=[rgb], radii=rr.Radius.ui_points(_EDGE_WIDTH))
+
+
+def _at_depth(
+    frame: CameraFrame, outline: Float[np.ndarray, "n 2"], mask: Bool[np.ndarray, "height width"]
+) -> Float[np.ndarray, "n 3"]:
+    """Return an outline in the camera's frame, at the median depth of the mask's pixels."""
+    assert frame.depth_m is not None
+    return frame.camera.back_project(outline, np.full(len(outline), float(np.median(frame.depth_m[mask]))))
+
+
+def _outlines(mask: Bool[np.ndarray, "height width"]) -> list[Float[np.ndarray, "_ 2"]]:
+    """Return the closed outlines of a mask, in pixels."""
+    found, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    return [np.concatenate([line, line[:1]])[:, 0].astype(float) + 0.5 for line in found]
 
 
 def _instances(

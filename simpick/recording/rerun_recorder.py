@@ -17,11 +17,12 @@ from simpick.recording.base import Recorder
 from simpick.recording.blueprint import OUTCOME_COLOURS, default_blueprint, log_styles
 from simpick.recording.column_buffer import Instant
 from simpick.recording.contact_force import ContactForce
+from simpick.recording.legend import LEGEND, LEGEND_PATH
 from simpick.recording.mujoco_logger import DEFAULT_GROUPS, MujocoLogger
 from simpick.recording.perception_layers import LayerPaths, PerceptionLayers
 from simpick.recording.pick_columns import OUTCOME_PATH, log_pick_record, log_properties
 from simpick.recording.recording_file import RecordingFile
-from simpick.records import CameraFrame, Detection, PickOutcome, PickRecord, PoseEstimate
+from simpick.records import CameraFrame, Detection, InstanceTruth, PickOutcome, PickRecord, PoseEstimate
 
 _ROOT = "/world"
 _VIEWER_FOV_RAD = np.radians(55)
@@ -85,12 +86,20 @@ class RerunRecorder(Recorder):
             raise ConfigError("a RerunRecorder holds one episode; make another one for the next")
         stream = self._file.open(episode_id, serve_port=self._serve_port)
         logger = MujocoLogger(stream, model, root=_ROOT, groups=self._groups)
-        paths = LayerPaths(logger.camera_paths, logger.estimates_path, logger.grasp_path, logger.moving_cameras)
+        paths = LayerPaths(
+            logger.camera_paths,
+            detections=logger.detections_path,
+            estimates=logger.estimates_path,
+            truth=logger.truth_path,
+            grasp=logger.grasp_path,
+            moving_cameras=logger.moving_cameras,
+        )
         layers = PerceptionLayers(stream, paths, parts, self._jpeg_quality)
         self._episode = _Episode(stream, logger, layers, ContactForce(model, self._gripper_prefix), _eye(model, data))
         stream.send_recording_name(episode_id)
         log_properties(stream, "config", config)
         log_styles(stream)
+        stream.log(LEGEND_PATH, rr.TextDocument(LEGEND, media_type="text/markdown"), static=True, strict=True)
         layers.log_mask_colours(_ROOT)
         logger.log_static(data)
         self._next_tick_s = float(data.time)
@@ -137,6 +146,10 @@ class RerunRecorder(Recorder):
     def estimates(self, T_world_camera: Float[np.ndarray, "4 4"], estimates: Sequence[PoseEstimate]) -> None:
         """Show the estimates as translucent meshes below ``/world/estimates/<mode>``."""
         self._running("estimates").layers.estimates(T_world_camera, estimates)
+
+    def truth(self, truth: Sequence[InstanceTruth]) -> None:
+        """Show the edges of the parts in the bin at ``/world/truth``."""
+        self._running("truth").layers.truth(truth)
 
     def grasp(self, T_world_tcp: Float[np.ndarray, "4 4"]) -> None:
         """Show the chosen gripper pose as axes at ``/world/grasp``."""
@@ -194,6 +207,7 @@ class RerunRecorder(Recorder):
                 hidden=[path for path in logger.camera_paths.values() if path not in used],
                 overlays=episode.layers.edge_paths,
                 eye=episode.eye,
+                near_eye=episode.layers.near_eye,
                 latencies=self._record_timings,
             )
             episode.stream.send_blueprint(layout)

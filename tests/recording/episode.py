@@ -11,7 +11,16 @@ import trimesh
 from simpick.assets.part import Part
 from simpick.geometry.pinhole import Pinhole
 from simpick.recording import Recorder, RerunRecorder
-from simpick.records import CameraFrame, Detection, PickOutcome, PickRecord, PickResult, PoseError, PoseEstimate
+from simpick.records import (
+    CameraFrame,
+    Detection,
+    InstanceTruth,
+    PickOutcome,
+    PickRecord,
+    PickResult,
+    PoseError,
+    PoseEstimate,
+)
 
 XML = """
 <mujoco>
@@ -69,6 +78,7 @@ def record_episode(recorder: Recorder, timings_s: dict[str, float] | None = None
         recorder.detections("overhead", [detection] * (2 - k))
         T_camera_part = np.linalg.inv(T_WORLD_CAMERA) @ np.diag([1.0, 1, 1, 1])
         recorder.estimates(T_WORLD_CAMERA, [PoseEstimate("block", T_camera_part, 0.9, "oracle", 0.01)] * (2 - k))
+        recorder.truth([InstanceTruth(0, "block", np.eye(4), True), InstanceTruth(1, "block", np.eye(4), False)])
         recorder.grasp(np.eye(4))
         for stage in record.stages:
             recorder.stage(stage, "on the way")

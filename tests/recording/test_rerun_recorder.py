@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from simpick.errors import ConfigError, OutputError, UnknownNameError
+from simpick.geometry.transforms import transform_points
 from simpick.recording import NullRecorder, Recorder, RerunRecorder, metrics_from_rrd, properties_from_rrd
+from simpick.recording.legend import LEGEND
 from tests.recording.commands import is_whole, record_in_process, rerun
-from tests.recording.episode import T_WORLD_CAMERA, XML, record_episode, records
+from tests.recording.episode import CAMERA, T_WORLD_CAMERA, XML, record_episode, records
 from tests.recording.reading import chunks, entities, series
 
 
@@ -81,7 +83,12 @@ def test_recording_has_the_designed_entities_and_timelines(recording):
         "/world/cameras/overhead/depth",
         "/world/cameras/overhead/detections",
         "/world/cameras/overhead/masks",
+        "/world/cameras/overhead/detections/outlines",
+        "/world/detections/overhead",
         "/world/estimates/oracle/block",
+        "/world/estimates/oracle/edges",
+        "/world/truth",
+        "/legend",
         "/world/grasp",
         "/world/gripper\\/tip",
         "/world/part_00/visual",
@@ -110,6 +117,35 @@ def test_contact_force_is_the_weight_that_the_gripper_rests_with(recording):
     weight = 9.81 * model.body("gripper/tip").mass[0]
     assert newtons[0][0] == pytest.approx(0, abs=1e-9) or newtons[0][0] < weight
     assert newtons[-1][0] == pytest.approx(weight, rel=0.05)
+
+
+def test_detections_estimates_and_truth_have_colours_of_their_own_as_the_legend_says(recording):
+    colours = {}
+    for name, path in (
+        ("orange", "/world/detections/overhead"),
+        ("cyan", "/world/estimates/oracle/edges"),
+        ("green", "/world/truth"),
+    ):
+        _, rows = series(recording, path, "LineStrips3D:colors")
+        colours[name] = {int(rgba) for row in rows for rgba in row}
+        assert name in LEGEND and "/".join(path.split("/")[1:3]) in LEGEND
+    assert all(len(own) == 1 for own in colours.values())
+    assert len(set.union(*colours.values())) == 3
+
+
+def test_a_detection_s_outline_in_3d_lies_on_the_rays_of_its_pixels(recording):
+    _, outlines = series(recording, "/world/detections/overhead", "LineStrips3D:strips")
+    assert [len(row) for row in outlines] == [2, 1, 0]
+    points = np.array(outlines[0][0])
+    pixels = CAMERA.project(transform_points(np.linalg.inv(T_WORLD_CAMERA), points))
+    np.testing.assert_allclose([pixels.min(axis=0), pixels.max(axis=0)], [[10.5, 10.5], [29.5, 19.5]], atol=1e-3)
+    # The camera is 1.2 m high, and its image shows a depth of 1 m.
+    np.testing.assert_allclose(points[:, 2], 0.2, atol=1e-6)
+
+
+def test_truth_shows_the_parts_in_the_bin_only(recording):
+    _, edges = series(recording, "/world/truth", "LineStrips3D:strips")
+    assert [len(row) for row in edges] == [12] * 3  # Of one block.
 
 
 def test_vanished_estimates_are_scaled_to_nothing(recording):
