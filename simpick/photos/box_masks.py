@@ -15,8 +15,10 @@ _MARGIN = 0.5
 _WORK_PX = 240
 """Longer side of the window in which GrabCut works."""
 _ITERATIONS = 5
-_LEAST_SHARE = 0.1
-"""A mask that fills less of its box is no object."""
+_CORE = 0.2
+"""Share of the box's sides, about its centre, that is taken to show the object; without it GrabCut often finds none."""
+_LEAST_SHARE = 0.25
+"""A mask that fills less of its box is not taken for the object."""
 
 
 def with_masks(detections: list[Detection], frame: CameraFrame) -> list[Detection]:
@@ -42,6 +44,7 @@ def mask_in_box(
     rows = slice(round((y1 - top) * scale), round((y2 - top) * scale))
     columns = slice(round((x1 - left) * scale), round((x2 - left) * scale))
     labels[rows, columns] = cv2.GC_PR_FGD
+    labels[_middle(rows), _middle(columns)] = cv2.GC_FGD
     if not (labels == cv2.GC_BGD).any():
         return None  # The box is the whole image: there is no background to learn from.
     cv2.setRNGSeed(0)
@@ -58,3 +61,9 @@ def mask_in_box(
     size = (right - left, bottom - top)
     mask[top:bottom, left:right] = cv2.resize(255 * (pieces == largest).astype(np.uint8), size) > 127
     return mask
+
+
+def _middle(side: slice) -> slice:
+    """Return the middle of a side of the box, at least one pixel of it."""
+    centre, half = (side.start + side.stop) // 2, max(1, round(_CORE * (side.stop - side.start) / 2))
+    return slice(centre - half, centre + half)
