@@ -90,9 +90,9 @@ def _raypose(mode: Literal["coarse", "fine"], hypotheses: int | None, budget: Po
 def _refined(
     mode: str, make_base: Callable[[int | None, PoseBudget], PoseEstimator], hypotheses: int | None, budget: PoseBudget
 ) -> PoseEstimator:
-    from simpick.estimators.refiner import RefinedEstimator, read_confidence
+    from simpick.estimators.refiner import RefinedEstimator
 
-    return RefinedEstimator(make_base(hypotheses, budget), mode=mode, confidence=read_confidence())
+    return RefinedEstimator(make_base(hypotheses, budget), mode=mode)
 
 
 def _weights() -> Path:

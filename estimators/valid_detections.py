@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from simpick.errors import ConfigError, UnknownNameError
+from simpick.estimators.mask_outlines import on_image_edges
 from simpick.geometry import box_of_mask
 from simpick.records import CameraFrame, Detection
 
@@ -19,7 +20,7 @@ class ValidDetection:
 
     detection: Detection
     mask: Bool[np.ndarray, "height width"]
-    """The detection's mask, or its box within the image where it has none."""
+    """The detection's mask, or its box within the image where it has none; see `detection_mask`."""
     box_xyxy_px: Float[np.ndarray, "4"]
     """Around the mask."""
 
@@ -51,6 +52,9 @@ def has_shape(mask: Bool[np.ndarray, "height width"], min_px: int) -> bool:
 def detection_mask(detection: Detection, frame: CameraFrame) -> Bool[np.ndarray, "height width"]:
     """Return a detection's mask, or its box where it has none; empty if the box lies outside the image.
 
+    Every image-based estimator works with these masks, whose outlines are moved to the image's edges where the image
+    contradicts them.
+
     Raises:
         ConfigError: the mask has another size than the image.
     """
@@ -67,7 +71,7 @@ def detection_mask(detection: Detection, frame: CameraFrame) -> Bool[np.ndarray,
             f"mask must have the image's size {width} x {height} px, "
             f"got {detection.mask.shape[1]} x {detection.mask.shape[0]}"
         )
-    return detection.mask
+    return on_image_edges(frame.rgb, detection.mask)
 
 
 def check_onboarded(detections: Iterable[Detection], onboarded: Iterable[str]) -> None:

@@ -1,4 +1,6 @@
-"""The probability that a refined pose is good enough to pick by, from how well it fits.
+"""The probability that a pose is good enough to pick by, from the evidence for it in the image.
+
+It ranks the poses of one detection and is the score of the answer.
 
 A logistic regression, fitted by ``simpick refiner calibrate`` on bins of random training parts, never on library parts
 or user CAD. ``confidence.json`` is its result, with a description of the data.
@@ -6,7 +8,6 @@ or user CAD. ``confidence.json`` is its result, with a description of the data.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,14 +16,13 @@ from jaxtyping import Float
 
 from simpick.config import from_json, read_json
 from simpick.errors import ConfigError
-from simpick.records import PoseHypothesis
 
 SHIPPED_FILE = Path(__file__).with_name("confidence.json")
-FEATURES = ("log_score", "margin", "log_visible_px")
+FEATURES = ("outline_edges", "inner_edges", "predicted_edges", "shading", "mask")
+"""The cues of `simpick.estimators.refiner.evidence`."""
 GOOD_MM, GOOD_DEG = 5.0, 10.0
 """A pose is good enough below these errors, which the jaw tolerates in nearly all cases (``simpick sweep``)."""
 _GOOD = {"mm": GOOD_MM, "deg": GOOD_DEG}
-_WIDEST_MARGIN = 1.0
 _REMEDY = "make it again with: simpick refiner calibrate"
 
 
@@ -34,7 +34,7 @@ class Confidence:
     weights: tuple[float, ...]
     """One per feature of `FEATURES`."""
 
-    def probability(self, features: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch"]:
+    def probability(self, features: Float[np.ndarray, "*batch cues"]) -> Float[np.ndarray, "*batch"]:
         """Return the probability that a pose with these features is good."""
         # NumPy would return a scalar for a single pose.
         return np.asarray(1 / (1 + np.exp(-(self.bias + features @ np.asarray(self.weights)))))
@@ -49,19 +49,8 @@ class _Stored:
     good: dict[str, float]
 
 
-def confidence_features(best_first: Sequence[PoseHypothesis], visible_px: int) -> Float[np.ndarray, "3"]:
-    """Return the features of a detection's refined hypotheses, which are distinct and given best first.
-
-    The margin is the difference of the log scores of the best and the second pose: at most 1, and 1 if there is only
-    one.
-    """
-    logs = np.log([max(hypothesis.score, 1e-6) for hypothesis in best_first[:2]])
-    margin = min(logs[0] - logs[1], _WIDEST_MARGIN) if len(logs) > 1 else _WIDEST_MARGIN
-    return np.array([logs[0], margin, np.log(max(visible_px, 1))])
-
-
 def fit_confidence(
-    features: Float[np.ndarray, "n 3"], good: Float[np.ndarray, "n"], *, ridge: float = 1.0
+    features: Float[np.ndarray, "n cues"], good: Float[np.ndarray, "n"], *, ridge: float = 1.0
 ) -> Confidence:
     """Return the logistic regression of these outcomes (0 or 1), by Newton's method with L2 regularisation.
 

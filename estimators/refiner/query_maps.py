@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from simpick.geometry import VirtualCameras, aim_virtual_cameras
@@ -28,6 +28,10 @@ class QueryMaps:
     """Weight of differences of silhouettes: 1 on the detection and on the background, little on other detections, which
     may hide the part, and 0 beyond the image."""
     cameras: VirtualCameras
+
+    def rows(self, index: Int[np.ndarray, "m"]) -> QueryMaps:
+        """Return the maps of these detections."""
+        return QueryMaps(self.brightness[index], self.mask[index], self.trust[index], self.cameras.rows(index))
 
 
 def query_maps(

@@ -8,15 +8,15 @@ from collections.abc import Sequence
 
 from simpick.assets.part import Part
 from simpick.estimators.base import PoseEstimator
-from simpick.estimators.refiner.confidence import Confidence, confidence_features
+from simpick.estimators.refiner.confidence import Confidence
 from simpick.estimators.refiner.config import RefinerConfig
 from simpick.estimators.refiner.flipped_starts import with_flips
-from simpick.estimators.refiner.refiner import Refiner
+from simpick.estimators.refiner.refiner import Finalist, Refiner
 from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
 
 
 class RefinedEstimator:
-    """Refines all hypotheses of a base estimator and returns the one that fits best. Implements `PoseEstimator`.
+    """Refines all hypotheses of a base estimator and returns the most probable pose. Implements `PoseEstimator`.
 
     A single hypothesis is also tried flipped, see `with_flips`; several are assumed to differ enough. `close` frees the
     refiner's OpenGL contexts.
@@ -30,14 +30,9 @@ class RefinedEstimator:
         mode: str = "refined",
         confidence: Confidence | None = None,
     ) -> None:
-        """Refine the hypotheses of `base`; `mode` is the name in the estimates.
-
-        With `confidence`, an estimate's score is the probability that its pose is good enough to pick by; without, it
-        is the refiner's own score.
-        """
-        self._confidence = confidence
+        """Refine the hypotheses of `base`; `mode` is the name in the estimates, `confidence` as in `Refiner`."""
         self.base, self.mode = base, mode
-        self.refiner = Refiner(config)
+        self.refiner = Refiner(config, confidence)
         self._parts: dict[str, Part] = {}
 
     def onboard(self, part: Part) -> None:
@@ -49,34 +44,41 @@ class RefinedEstimator:
     def estimate(self, frame: CameraFrame, detections: Sequence[Detection]) -> list[PoseEstimate]:
         """Return one estimate per detection that the base answers, with refined hypotheses, best first.
 
-        The hypotheses keep the refiner's scores, also where the estimate's score is a probability.
+        Scores are probabilities that a pose is good enough to pick by. A detection without a mask keeps the base's
+        estimate: a box says too little of the outline.
 
         Raises:
             ConfigError: as the base estimator and `Refiner.refine`.
             UnknownNameError: a detection's part has not been onboarded.
         """
         start = time.perf_counter()
+        estimates, asked, hypotheses = self._started(frame, detections)
+        refined = self.refiner.refine(frame, asked, hypotheses)
+        elapsed_s = (time.perf_counter() - start) / max(len(estimates), 1)
+        return [
+            _answer(estimate, best_first, self.mode, elapsed_s)
+            for estimate, best_first in zip(estimates, refined, strict=False)
+        ]
+
+    def finalists(self, frame: CameraFrame, detections: Sequence[Detection]) -> list[tuple[Detection, list[Finalist]]]:
+        """Return the poses among which `estimate` chooses, for each detection whose poses are refined."""
+        _, asked, hypotheses = self._started(frame, detections)
+        found = self.refiner.finalists(frame, asked, hypotheses)
+        return [(detection, own) for detection, own in zip(asked, found, strict=True) if own is not None]
+
+    def close(self) -> None:
+        """Free the refiner's OpenGL contexts; may be called repeatedly."""
+        self.refiner.close()
+
+    def _started(
+        self, frame: CameraFrame, detections: Sequence[Detection]
+    ) -> tuple[list[PoseEstimate], list[Detection], list[Sequence[PoseHypothesis]]]:
+        """Return the base's estimates, then all detections, the answered ones first, and where each begins."""
         estimates = [e for e in self.base.estimate(frame, detections) if e.detection is not None]
-        if not estimates:
-            return []
         answered = [e.detection for e in estimates if e.detection is not None]
         # Detections that the base left unanswered still hide others.
         unanswered = [d for d in detections if not any(d is known for known in answered)]
-        hypotheses = [self._starts(e) for e in estimates]
-        refined = self.refiner.refine(frame, [*answered, *unanswered], [*hypotheses, *((),) * len(unanswered)])
-        scores = [self._score(best_first, detection) for best_first, detection in zip(refined, answered, strict=False)]
-        elapsed_s = (time.perf_counter() - start) / len(estimates)
-        return [
-            dataclasses.replace(
-                estimate,
-                T_camera_part=best_first[0].T_camera_part,
-                score=score,
-                mode=self.mode,
-                elapsed_s=elapsed_s,
-                hypotheses=best_first,
-            )
-            for estimate, best_first, score in zip(estimates, refined, scores, strict=False)
-        ]
+        return estimates, [*answered, *unanswered], [*map(self._starts, estimates), *((),) * len(unanswered)]
 
     def _starts(self, estimate: PoseEstimate) -> Sequence[PoseHypothesis]:
         """Return the base's hypotheses, and flips of a single one if its part has been onboarded."""
@@ -84,19 +86,18 @@ class RefinedEstimator:
         part = self._parts.get(estimate.part)
         return own if len(own) > 1 or part is None else with_flips(own[0], part)
 
-    def _score(self, best_first: Sequence[PoseHypothesis], detection: Detection) -> float:
-        if self._confidence is None:
-            return best_first[0].score
-        return float(self._confidence.probability(confidence_features(best_first, visible_px(detection))))
 
-    def close(self) -> None:
-        """Free the refiner's OpenGL contexts; may be called repeatedly."""
-        self.refiner.close()
-
-
-def visible_px(detection: Detection) -> int:
-    """Return the mask's pixels, or the box's where there is no mask."""
-    if detection.mask is not None:
-        return int(detection.mask.sum())
-    sides = detection.box_xyxy_px[2:] - detection.box_xyxy_px[:2]
-    return int(sides[0] * sides[1])
+def _answer(
+    estimate: PoseEstimate, best_first: tuple[PoseHypothesis, ...], mode: str, elapsed_s: float
+) -> PoseEstimate:
+    if estimate.detection is None or estimate.detection.mask is None:
+        return dataclasses.replace(estimate, mode=mode, elapsed_s=elapsed_s)
+    best = best_first[0]
+    return dataclasses.replace(
+        estimate,
+        T_camera_part=best.T_camera_part,
+        score=best.score,
+        mode=mode,
+        elapsed_s=elapsed_s,
+        hypotheses=best_first,
+    )

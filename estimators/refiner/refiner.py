@@ -1,4 +1,4 @@
-"""`Refiner`: aligns renderings with the image and ranks hypotheses by their fit. No training, no weights."""
+"""`Refiner`: aligns renderings with the image and ranks poses by the image's evidence. No weights but five of a sum."""
 
 from __future__ import annotations
 
@@ -13,22 +13,29 @@ from simpick.assets.part import Part
 from simpick.closing import Closing
 from simpick.errors import ConfigError
 from simpick.estimators.pose_selection import best_per_group, distinct_poses
-from simpick.estimators.refiner.alignment import Alignment, Target, align
+from simpick.estimators.refiner.confidence import Confidence, read_confidence
 from simpick.estimators.refiner.config import AlignmentLevel, RefinerConfig
+from simpick.estimators.refiner.crop_renderer import CropRenderer
+from simpick.estimators.refiner.evidence import evidence
+from simpick.estimators.refiner.floor import Floor
+from simpick.estimators.refiner.level_search import LevelSearch
 from simpick.estimators.refiner.levenberg_marquardt import minimise
 from simpick.estimators.refiner.query_maps import QueryMaps, query_maps
-from simpick.estimators.refiner.rendered_maps import rendered_maps
 from simpick.estimators.valid_detections import check_onboarded, detection_mask, has_shape
-from simpick.geometry import VirtualCameras, box_of_mask, invert
+from simpick.geometry import box_of_mask, invert
 from simpick.records import CameraFrame, Detection, PoseHypothesis
-from simpick.rendering import RenderQuality
-from simpick.rendering.part_renderers import PartRenderers
 from simpick.tensor_record import TensorRecord
 
-_SOFTNESS = 0.35
-"""Misfit at which the score is 1/e."""
 _LEAST_MASK_PX = 16
-_DEPTH_ONLY = RenderQuality(shadow_map_px=0, samples=0)
+
+
+@dataclass(frozen=True, eq=False)
+class Finalist:
+    """A pose that may answer a detection, with the evidence for it."""
+
+    T_camera_part: Float[np.ndarray, "4 4"]
+    cues: Float[np.ndarray, "cues"]
+    """See `simpick.estimators.refiner.evidence`."""
 
 
 class Refiner(Closing):
@@ -37,10 +44,12 @@ class Refiner(Closing):
     Implements `PoseRefiner`. A context manager: `close` frees its OpenGL contexts.
     """
 
-    def __init__(self, config: RefinerConfig | None = None) -> None:
+    def __init__(self, config: RefinerConfig | None = None, confidence: Confidence | None = None) -> None:
+        """Take the probability that a pose is good by its evidence; the shipped one by default."""
         self.config = config or RefinerConfig()
+        self._confidence = confidence or read_confidence()
         self._parts: dict[str, Part] = {}
-        self._renderers = PartRenderers(self.config.renderers, quality=_DEPTH_ONLY)
+        self._renderer = CropRenderer(self.config.renderers, max(level.size_px for level in self.config.levels))
 
     def onboard(self, part: Part) -> None:
         """Register the part; its renderer is made when it is first needed."""
@@ -54,77 +63,92 @@ class Refiner(Closing):
     ) -> list[tuple[PoseHypothesis, ...]]:
         """Return each detection's refined hypotheses, best first, near-identical ones merged.
 
-        Scores are in (0, 1]: exp(-misfit / 0.35). Hypotheses that are not rotation matrices, not finite, or behind the
-        camera are ignored. A detection without valid hypotheses, or with a mask of fewer than 16 pixels or a single
-        line of them, gets its hypotheses back unchanged.
+        Scores are probabilities that a pose is good enough to pick by. The first hypothesis itself is among the
+        answers and comes first if the image supports it best. Where the frame says where the bin's floor is, poses do
+        not reach below it.
+
+        Hypotheses that are not rotation matrices, not finite, or behind the camera are ignored. A detection without
+        valid hypotheses, without a mask, or with a mask of fewer than 16 pixels or a single line of them, gets its
+        hypotheses back unchanged.
 
         Raises:
             ConfigError: there are not as many lists of hypotheses as detections, or a mask is not of the image's size.
             UnknownNameError: a detection's part has not been onboarded.
         """
+        finalists = self.finalists(frame, detections, hypotheses)
+        return [
+            tuple(own) if found is None else self._ranked(self._parts[detection.part], found)
+            for detection, own, found in zip(detections, hypotheses, finalists, strict=True)
+        ]
+
+    def finalists(
+        self,
+        frame: CameraFrame,
+        detections: Sequence[Detection],
+        hypotheses: Sequence[Sequence[PoseHypothesis]],
+    ) -> list[list[Finalist] | None]:
+        """Return the poses among which `refine` chooses, with the evidence for each; None where it changes nothing."""
         if len(hypotheses) != len(detections):
             raise ConfigError(
                 f"there must be one list of hypotheses for each detection, got {len(hypotheses)} for {len(detections)}"
             )
         check_onboarded(detections, self._parts)
-        masks = [detection_mask(detection, frame) for detection in detections]
-        usable = [[h for h in own if _is_valid(h.T_camera_part)] for own in hypotheses]
-        rows = [k for k, mask in enumerate(masks) if usable[k] and has_shape(mask, _LEAST_MASK_PX)]
-        answers = [tuple(own) for own in hypotheses]
-        if rows:
-            refined = self._refine(frame, masks, [detections[k].part for k in rows], rows, [usable[k] for k in rows])
-            for k, best_first in zip(rows, refined, strict=True):
-                answers[k] = best_first
+        # A box is no mask: it is neither an outline to fit nor what hides others.
+        masks = {k: detection_mask(d, frame) for k, d in enumerate(detections) if d.mask is not None}
+        usable = [[h.T_camera_part for h in own if _is_valid(h.T_camera_part)] for own in hypotheses]
+        rows = [k for k, mask in masks.items() if usable[k] and has_shape(mask, _LEAST_MASK_PX)]
+        answers: list[list[Finalist] | None] = [None] * len(detections)
+        if not rows:
+            return answers
+        parts = [self._parts[detections[k].part] for k in rows]
+        floor = Floor.below(frame, parts, [usable[k][0] for k in rows])
+        queries = self._queries(frame, [masks[k] for k in rows], list(masks.values()))
+        # Part by part through all levels, so that no renderer is opened again at each level if there are many parts.
+        for name in dict.fromkeys(part.name for part in parts):
+            part = self._parts[name]
+            mine = [i for i, other in enumerate(parts) if other.name == name]
+            start = _State.of(mine, [usable[rows[i]] for i in mine])
+            if floor is not None:
+                start = start.at(floor.raised(part, start.Ts_camera_part))
+            state = start
+            for level, query in zip(self.config.levels, queries, strict=True):
+                state = self._at_level(level, query, part, floor, state.best(level.keep))
+                state = self._distinct(part, state)
+            state = _State.cat([start.best(1), state])
+            cues = self._cues(part, queries[-1], state)
+            for i in mine:
+                own = np.flatnonzero(state.detection == i)
+                answers[rows[i]] = [Finalist(state.Ts_camera_part[j], cues[j]) for j in own]
         return answers
 
     def close(self) -> None:
         """Free the OpenGL contexts; may be called repeatedly."""
-        self._renderers.close()
+        self._renderer.close()
 
-    def _refine(
+    def _queries(
         self,
         frame: CameraFrame,
         masks: Sequence[Bool[np.ndarray, "height width"]],
-        parts: Sequence[str],
-        rows: Sequence[int],
-        hypotheses: Sequence[Sequence[PoseHypothesis]],
-    ) -> list[tuple[PoseHypothesis, ...]]:
-        covered = np.sum(masks, axis=0, dtype=np.int32)
-        own = [masks[k] for k in rows]
-        others = [(covered - mask) > 0 for mask in own]
-        boxes = np.stack([box_of_mask(mask) for mask in own])
-        queries = [
-            query_maps(
-                frame,
-                own,
-                boxes,
-                others,
-                level.size_px,
-                padding=self.config.padding,
-                occluder_weight=self.config.occluder_weight,
-            )
-            for level in self.config.levels
+        all_masks: Sequence[Bool[np.ndarray, "height width"]],
+    ) -> list[QueryMaps]:
+        """Return the maps of these masks at each level."""
+        covered = np.sum(all_masks, axis=0, dtype=np.int32)
+        others = [(covered - mask) > 0 for mask in masks]
+        boxes = np.stack([box_of_mask(mask) for mask in masks])
+        config = self.config
+        weight = config.occluder_weight
+        return [
+            query_maps(frame, masks, boxes, others, level.size_px, padding=config.padding, occluder_weight=weight)
+            for level in config.levels
         ]
-        answers: list[tuple[PoseHypothesis, ...]] = [()] * len(rows)
-        # Part by part through all levels, so that no renderer is opened again at each level if there are many parts.
-        for part in dict.fromkeys(parts):
-            mine = [k for k, name in enumerate(parts) if name == part]
-            state = _State.of(mine, [[h.T_camera_part for h in hypotheses[k]] for k in mine])
-            for level, query in zip(self.config.levels, queries, strict=True):
-                state = self._at_level(level, query, self._parts[part], state.best(level.keep))
-                state = self._distinct(self._parts[part], state)
-            for k in mine:
-                of_k = np.flatnonzero(state.detection == k)
-                scored = [
-                    PoseHypothesis(state.Ts_camera_part[i], float(np.exp(-state.misfit[i] / _SOFTNESS))) for i in of_k
-                ]
-                answers[k] = tuple(sorted(scored, key=lambda hypothesis: -hypothesis.score))
-        return answers
 
-    def _at_level(self, level: AlignmentLevel, query: QueryMaps, part: Part, state: _State) -> _State:
+    def _at_level(
+        self, level: AlignmentLevel, query: QueryMaps, part: Part, floor: Floor | None, state: _State
+    ) -> _State:
         """Refine all hypotheses of one part at one level."""
-        Ts_crop_camera = query.cameras.Ts_crop_camera[state.detection]
-        search = _LevelSearch(self._renderers, part, level, query, state.detection, self.config)
+        own = query.rows(state.detection)
+        Ts_crop_camera = own.cameras.Ts_crop_camera
+        search = LevelSearch(self._renderer, part, level, own, floor, self.config)
         minimum = minimise(Ts_crop_camera @ state.Ts_ahead, search.evaluate, level.iterations)
         Ts_camera_crop = invert(Ts_crop_camera)
         return _State(
@@ -136,16 +160,33 @@ class Refiner(Closing):
         kept = []
         for k in np.unique(state.detection):
             own = np.flatnonzero(state.detection == k)
-            distinct = distinct_poses(
-                state.Ts_camera_part[own],
-                -state.misfit[own],
-                part.symmetries,
-                part.diameter_m,
-                rotation_deg=self.config.merge_deg,
-                translation_diameters=self.config.merge_diameters,
-            )
-            kept.append(own[distinct])
+            kept.append(own[self._distinct_rows(part, state.Ts_camera_part[own], -state.misfit[own])])
         return state.rows(np.sort(np.concatenate(kept)))
+
+    def _distinct_rows(
+        self, part: Part, Ts_camera_part: Float[np.ndarray, "n 4 4"], scores: Float[np.ndarray, "n"]
+    ) -> Int[np.ndarray, "k"]:
+        return distinct_poses(
+            Ts_camera_part,
+            scores,
+            part.symmetries,
+            part.diameter_m,
+            rotation_deg=self.config.merge_deg,
+            translation_diameters=self.config.merge_diameters,
+        )
+
+    def _cues(self, part: Part, query: QueryMaps, state: _State) -> Float[np.ndarray, "n cues"]:
+        """Return the evidence for all poses of one part."""
+        own = query.rows(state.detection)
+        rendered = self._renderer.maps(part, own.cameras, own.cameras.Ts_crop_camera @ state.Ts_camera_part)
+        with torch.inference_mode():
+            return evidence(own, rendered).double().numpy()
+
+    def _ranked(self, part: Part, finalists: Sequence[Finalist]) -> tuple[PoseHypothesis, ...]:
+        """Return the distinct poses, the most probable first."""
+        scores = self._confidence.probability(np.stack([finalist.cues for finalist in finalists]))
+        Ts = np.stack([finalist.T_camera_part for finalist in finalists])
+        return tuple(PoseHypothesis(Ts[k], float(scores[k])) for k in self._distinct_rows(part, Ts, scores))
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,45 +208,13 @@ class _State(TensorRecord):
         Ts = np.array([T for own in poses for T in own])
         return _State(detection, Ts, Ts, order.astype(float))
 
+    def at(self, Ts_camera_part: Float[np.ndarray, "n 4 4"]) -> _State:
+        """Return the hypotheses in other poses."""
+        return _State(self.detection, Ts_camera_part, Ts_camera_part, self.misfit)
+
     def best(self, count: int) -> _State:
         """Return the `count` best hypotheses of each detection, in their present order."""
         return self.rows(np.sort(best_per_group(self.detection, self.misfit, count)))
-
-
-class _LevelSearch:
-    """Renders and compares hypotheses of one part at one level."""
-
-    def __init__(
-        self,
-        renderers: PartRenderers,
-        part: Part,
-        level: AlignmentLevel,
-        query: QueryMaps,
-        detection: Int[np.ndarray, "n"],
-        config: RefinerConfig,
-    ) -> None:
-        self._renderers, self._part, self._config = renderers, part, config
-        self._cameras, self._detection = query.cameras, detection
-        # Maps of this part's detections only; each detection has several hypotheses.
-        own, self._row = np.unique(detection, return_inverse=True)
-        focal_px = torch.from_numpy(query.cameras.focal_px[own]).float()
-        with torch.inference_mode():
-            maps = query.brightness[own], query.mask[own], query.trust[own]
-            self._target = Target.of(*maps, focal_px, level.blur_px, level.stride)
-
-    def evaluate(self, Ts_crop_part: Float[np.ndarray, "m 4 4"], rows: Int[np.ndarray, "m"]) -> Alignment:
-        """Return how well these poses fit; `rows` says whose they are."""
-        of = self._detection[rows]
-        cameras = VirtualCameras(self._cameras.size_px, self._cameras.focal_px[of], self._cameras.Rs_crop_camera[of])
-        largest_px = max(level.size_px for level in self._config.levels)
-        renderer = self._renderers.get(self._part, largest_px, largest_px)
-        pinholes = [cameras.pinhole(k) for k in range(len(cameras))]
-        depth_m = torch.from_numpy(renderer.render(Ts_crop_part, pinholes, rgb=False).depth_m)
-        origin_m = torch.from_numpy(Ts_crop_part[:, 2, 3]).float()
-        centres = torch.from_numpy(Ts_crop_part[:, :2, 3] / Ts_crop_part[:, 2:3, 3]).float()
-        with torch.inference_mode():
-            target = self._target.rows(torch.from_numpy(self._row[rows]))
-            return align(target, rendered_maps(depth_m, origin_m, target.focal_px), centres, self._config)
 
 
 def _is_valid(T_camera_part: Float[np.ndarray, "4 4"]) -> bool:

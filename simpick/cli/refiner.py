@@ -76,6 +76,7 @@ class RefinerCalibrate(Config):
         from simpick.estimators.retrieval import RetrievalConfig, RetrievalEstimator
         from simpick.pose_eval.benchmark_bins import benchmark_bins, load_view
         from simpick.pose_eval.refiner_calibration import (
+            DETECTIONS,
             Outcomes,
             brier_score,
             outcomes,
@@ -98,26 +99,27 @@ class RefinerCalibrate(Config):
                 held_out[name] = outcomes(check, estimator)
             finally:
                 estimator.close()
-        both = pooled(fitted_on.values())
-        confidence = fit_confidence(both.features, both.good)
+        every = pooled(fitted_on.values())
+        confidence = fit_confidence(every.features, every.good)
+        answered = {name: own.best(confidence) for name, own in held_out.items()}
 
         def figures(own: Outcomes) -> dict[str, float]:
             return {
                 "poses": len(own.good),
                 "good_share": round(float(own.good.mean()), 4),
                 "brier": round(brier_score(confidence.probability(own.features), own.good), 4),
-                "brier_of_plain_scores": round(brier_score(own.plain_scores, own.good), 4),
             }
 
         provenance = {
             "made_by": f"simpick refiner calibrate --bins {self.bins} --parts {self.parts} --count {self.count} "
             f"--check-bins {self.check_bins}",
             "hypotheses_from": "retrieval",
+            "detections": list(DETECTIONS),
             "fitted_on": {name: figures(own) for name, own in fitted_on.items()},
-            "checked_on_pose_benchmark": {name: figures(own) for name, own in held_out.items()},
+            "checked_on_pose_benchmark": {name: figures(own) for name, own in answered.items()},
         }
         write_confidence(confidence, provenance, self.out / "confidence.json")
-        plot_reliability(held_out, confidence, self.out / "reliability.png")
+        plot_reliability(answered, confidence, self.out / "reliability.png")
         Console().print(provenance)
         Console().print_line(f"written to {self.out}")
         return 0

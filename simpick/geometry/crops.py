@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 
 from simpick.errors import ConfigError
 from simpick.geometry.pinhole import Pinhole
@@ -31,6 +31,10 @@ class VirtualCameras:
 
     def __len__(self) -> int:
         return len(self.focal_px)
+
+    def rows(self, index: Int[np.ndarray, "m"]) -> VirtualCameras:
+        """Return these cameras."""
+        return VirtualCameras(self.size_px, self.focal_px[index], self.Rs_crop_camera[index])
 
     @property
     def Ks(self) -> Float[np.ndarray, "n 3 3"]:

@@ -8,19 +8,14 @@ import numpy as np
 import pytest
 
 from simpick.errors import ConfigError
-from simpick.estimators.refiner.confidence import Confidence, confidence_features, fit_confidence, read_confidence
+from simpick.estimators.refiner.confidence import Confidence, fit_confidence, read_confidence
 from simpick.pose_eval.refiner_calibration import write_confidence
-from simpick.records import PoseHypothesis
-
-
-def hypotheses(*scores: float) -> list[PoseHypothesis]:
-    return [PoseHypothesis(np.eye(4), score) for score in scores]
 
 
 def test_a_known_model_is_found_again():
     rng = np.random.default_rng(0)
-    X = rng.normal(size=(20_000, 3)) * [0.5, 0.3, 1.0] + [-1.0, 0.4, 6.0]
-    true = Confidence(-2.0, (3.0, 2.0, 0.8))
+    X = rng.normal(size=(20_000, 5)) * [0.2, 0.4, 0.4, 0.2, 0.5] + [0.5, 0.4, 0.4, 0.8, 1.5]
+    true = Confidence(-7.0, (3.0, 2.0, 2.5, 2.0, 1.5))
     good = (rng.random(len(X)) < true.probability(X)).astype(float)
     fitted = fit_confidence(X, good)
     # Sampling leaves the weights off by a tenth or so, and the probabilities by half a percent on average.
@@ -29,27 +24,21 @@ def test_a_known_model_is_found_again():
 
 def test_too_few_or_one_sided_outcomes_are_refused():
     with pytest.raises(ConfigError, match="needs 20 poses or more, good and bad ones, got 5"):
-        fit_confidence(np.zeros((5, 3)), np.array([0.0, 1, 0, 1, 0]))
+        fit_confidence(np.zeros((5, 5)), np.array([0.0, 1, 0, 1, 0]))
     with pytest.raises(ConfigError, match="good and bad ones"):
-        fit_confidence(np.zeros((30, 3)), np.ones(30))
-
-
-def test_margin_is_the_distance_to_the_second_pose_at_most_one():
-    assert confidence_features(hypotheses(0.5, 0.4), 100) == pytest.approx([np.log(0.5), np.log(1.25), np.log(100)])
-    assert confidence_features(hypotheses(0.5), 100)[1] == 1.0
-    assert confidence_features(hypotheses(0.5, 1e-9), 0)[1:] == pytest.approx([1.0, 0.0])
+        fit_confidence(np.zeros((30, 5)), np.ones(30))
 
 
 def test_a_written_model_is_read_back(tmp_path):
-    model = Confidence(-1.0, (2.0, 0.5, 0.1))
+    model = Confidence(-1.0, (2.0, 0.5, 0.1, 1.0, 3.0))
     write_confidence(model, {"made_by": "a test"}, tmp_path / "confidence.json")
     assert read_confidence(tmp_path / "confidence.json") == model
 
 
 def test_the_shipped_model_trusts_a_good_fit_more():
     shipped = read_confidence()
-    clear = shipped.probability(confidence_features(hypotheses(0.9, 0.3), 5000))
-    doubtful = shipped.probability(confidence_features(hypotheses(0.3, 0.29), 100))
+    clear = shipped.probability(np.array([0.6, 0.7, 0.7, 0.9, 2.5]))
+    doubtful = shipped.probability(np.array([0.4, 0.1, 0.1, 0.6, 0.5]))
     assert doubtful < 0.5 < clear
 
 
@@ -59,7 +48,7 @@ def test_the_shipped_model_trusts_a_good_fit_more():
         (None, "confidence.json must be a JSON file, cannot be read"),
         ('{"bias": 1.0, "wei', "cannot be read"),
         ("[1, 2]", "must hold a JSON object, got"),
-        ('{"bias": 0, "weights": {"margin": 1}, "good": {"mm": 5.0, "deg": 10.0}}', "got weights {'margin': 1.0}"),
+        ('{"bias": 0, "weights": {"mask": 1}, "good": {"mm": 5.0, "deg": 10.0}}', "got weights {'mask': 1.0}"),
     ],
 )
 def test_a_file_that_holds_no_confidence_is_refused_with_what_to_do(tmp_path, text, said):
@@ -74,7 +63,7 @@ def test_a_file_that_holds_no_confidence_is_refused_with_what_to_do(tmp_path, te
 @pytest.mark.parametrize(("key", "value"), [("bias", "0"), ("bias", float("nan")), ("good", {"mm": 2.0, "deg": 10.0})])
 def test_values_of_another_kind_are_refused(tmp_path, key, value):
     file = tmp_path / "confidence.json"
-    write_confidence(Confidence(-1.0, (2.0, 0.5, 0.1)), {}, file)
+    write_confidence(Confidence(-1.0, (2.0, 0.5, 0.1, 1.0, 3.0)), {}, file)
     file.write_text(json.dumps({**json.loads(file.read_text()), key: value}))
     with pytest.raises(ConfigError, match=r"bias must be a finite number, got|must hold weights of"):
         read_confidence(file)

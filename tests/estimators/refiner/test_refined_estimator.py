@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from unittest.mock import Mock
+import dataclasses
 
 import numpy as np
 
 from simpick.assets.library import get_part
 from simpick.estimators import PoseEstimator
-from simpick.estimators.refiner import RefinedEstimator, read_confidence
-from simpick.estimators.refiner.confidence import Confidence
+from simpick.estimators.refiner import RefinedEstimator
 from simpick.estimators.refiner.flipped_starts import with_flips
-from simpick.estimators.registry import load_estimator
 from simpick.records import PoseEstimate, PoseHypothesis
 from tests.estimators.refiner.scenes import T_TRUE, frame_of, start
 
@@ -49,14 +47,15 @@ def test_the_best_refined_hypothesis_answers():
     assert estimate.elapsed_s > 0
 
 
-def test_with_confidence_the_score_is_a_probability():
+def test_a_detection_without_a_mask_keeps_the_guess_and_its_score():
     frame, detection = frame_of("l_bracket")
-    even = RefinedEstimator(TwoGuesses(), confidence=Confidence(0.0, (0.0, 0.0, 0.0)))
-    even.onboard(get_part("l_bracket"))
-    (estimate,) = even.estimate(frame, [detection])
-    even.close()
-    assert estimate.score == 0.5
-    assert estimate.hypotheses[0].score != 0.5
+    estimator = RefinedEstimator(TwoGuesses(), mode="guesses_refined")
+    estimator.onboard(get_part("l_bracket"))
+    (estimate,) = estimator.estimate(frame, [dataclasses.replace(detection, mask=None)])
+    estimator.close()
+    assert np.array_equal(estimate.T_camera_part, start(120, 0.0).T_camera_part)
+    assert estimate.score == 0.9
+    assert estimate.mode == "guesses_refined"
 
 
 class FlippedGuess(TwoGuesses):
@@ -88,10 +87,3 @@ def test_flips_keep_the_box_in_place_and_leave_out_symmetric_ones():
     assert all(np.allclose(h.T_camera_part @ centre, T_TRUE @ centre) for h in starts)
     # A bushing is the same after any half turn.
     assert with_flips(lone, get_part("bushing")) == (lone,)
-
-
-def test_the_shipped_modes_say_probabilities(monkeypatch):
-    make = Mock()
-    monkeypatch.setattr("simpick.estimators.refiner.RefinedEstimator", make)
-    load_estimator("retrieval_refined")
-    assert make.call_args.kwargs == {"mode": "retrieval_refined", "confidence": read_confidence()}

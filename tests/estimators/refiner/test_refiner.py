@@ -11,7 +11,7 @@ from jaxtyping import Float
 from simpick.assets.library import get_part
 from simpick.errors import ConfigError, UnknownNameError
 from simpick.estimators.refiner import AlignmentLevel, Refiner, RefinerConfig
-from simpick.geometry import transform
+from simpick.geometry import box_of_mask, transform
 from simpick.records import PoseHypothesis
 from tests.estimators.refiner.scenes import T_TRUE, frame_of, hidden_by, start
 
@@ -99,16 +99,54 @@ def test_poses_that_are_none_are_left_out_where_there_are_others(refiner):
     broken = PoseHypothesis(np.full((4, 4), np.nan), 0.9)
     behind = PoseHypothesis(transform(translation=np.array([0.0, 0.0, -0.5])), 0.9)
     (best_first,) = refiner.refine(frame, [detection], [[broken, behind, start(5, 0.0)]])
-    assert len(best_first) == 1
+    assert all(np.isfinite(h.T_camera_part).all() and h.T_camera_part[2, 3] > 0 for h in best_first)
     assert errors("l_bracket", best_first[0].T_camera_part)[0] < 2.0
     (as_they_came,) = refiner.refine(frame, [detection], [[broken]])
     assert as_they_came == (broken,)
 
 
-def test_a_box_without_a_mask_is_refined(refiner):
+def test_a_box_is_not_fitted(refiner):
     frame, detection = frame_of("l_bracket")
-    (best_first,) = refiner.refine(frame, [dataclasses.replace(detection, mask=None)], [[start(5, 0.0)]])
-    assert np.isfinite(best_first[0].T_camera_part).all()
+    given = (start(5, 0.0),)
+    assert refiner.refine(frame, [dataclasses.replace(detection, mask=None)], [given]) == [given]
+
+
+def test_a_box_hides_no_other_part(refiner):
+    frame, detection = frame_of("l_bracket")
+    around = dataclasses.replace(detection, mask=None)
+    alone = refiner.refine(frame, [detection], [[start(15, 0.05)]])
+    assert np.array_equal(
+        refiner.refine(frame, [detection, around], [[start(15, 0.05)], []])[0][0].T_camera_part,
+        alone[0][0].T_camera_part,
+    )
+
+
+@pytest.mark.parametrize("kept", ["left", "right", "top"])
+def test_a_mask_of_half_the_part_does_not_spoil_a_good_pose(refiner, kept):
+    frame, detection = frame_of("pipe_tee")
+    assert detection.mask is not None
+    x, y = (detection.box_xyxy_px[:2] + detection.box_xyxy_px[2:]).astype(int) // 2
+    half = detection.mask.copy()
+    half[{"left": np.s_[:, x:], "right": np.s_[:, :x], "top": np.s_[y:]}[kept]] = False
+    wrong = dataclasses.replace(detection, mask=half, box_xyxy_px=box_of_mask(half))
+    (best_first,) = refiner.refine(frame, [wrong], [[start(2, 0.005)]])
+    deg, mm = errors("pipe_tee", best_first[0].T_camera_part)
+    assert deg < 4.0
+    assert mm < 8.0
+
+
+def test_a_mask_with_a_neighbour_in_it_does_not_spoil_a_good_pose(refiner):
+    frame, detection = frame_of("l_bracket")
+    assert detection.mask is not None
+    merged = detection.mask.copy()
+    _, y1, x2, y2 = detection.box_xyxy_px.astype(int)
+    frame.rgb[y1:y2, x2 - 2 : x2 + 25][~detection.mask[y1:y2, x2 - 2 : x2 + 25]] = 170
+    merged[y1:y2, x2 - 2 : x2 + 25] = True
+    wrong = dataclasses.replace(detection, mask=merged, box_xyxy_px=box_of_mask(merged))
+    (best_first,) = refiner.refine(frame, [wrong], [[start(2, 0.005)]])
+    deg, mm = errors("l_bracket", best_first[0].T_camera_part)
+    assert deg < 4.0
+    assert mm < 8.0
 
 
 def test_a_part_that_was_not_onboarded_is_named(refiner):
