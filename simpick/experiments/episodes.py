@@ -213,7 +213,7 @@ def complete_record(
     """
     decision, T_world_target = policy.decision, policy.T_world_target
     if decision.abstained is not None:
-        return dataclasses.replace(pick, outcome=decision.abstained, cause=_abstention(decision))
+        return dataclasses.replace(pick, outcome=decision.abstained, cause=cause_of_abstention(decision))
     target = decision.target
     assert target is not None and target.detection is not None and T_world_target is not None
     T_camera_world = invert(T_world_camera)
@@ -245,14 +245,16 @@ def _evaluation_model(part: Part) -> EvaluationModel:
     return EvaluationModel.of(part)
 
 
-def _abstention(decision: Decision) -> str:
+def cause_of_abstention(decision: Decision) -> str:
+    """Return in words why a policy chose no grasp: which step left nothing, and for the planner, which filters."""
+    percept = decision.percept
     if decision.abstained is PickOutcome.NOTHING_DETECTED:
-        return "look: the detector found no part"
-    estimated = len(decision.percept.estimates)
-    if not estimated:
-        return f"estimate: none of the {len(decision.percept.detections)} detections got a pose"
+        shown_px = 0 if percept.foreground is None else int(percept.foreground.sum())
+        return "look: the detector found no part" + (f", though {shown_px} px show parts" if shown_px else "")
+    if not percept.estimates:
+        return f"estimate: none of the {len(percept.detections)} detections got a pose"
     reasons = ", ".join(f"{count} {why.value}" for why, count in decision.rejected.most_common() if count)
-    return f"plan: no grasp is left on the {estimated} estimated parts: {reasons or 'they have none'}"
+    return f"plan: no grasp is left on the {len(percept.estimates)} estimated parts: {reasons or 'they have none'}"
 
 
 def episode_id(mode: str, gripper: str, seed: int) -> str:
