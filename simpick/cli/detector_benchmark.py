@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 
@@ -25,6 +25,8 @@ class DetectorBenchmark(Config):
     """learned, or a detector of another package."""
     bins: Annotated[PositiveInt | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: all 50)")] = None
     """How many bins to use, from the first."""
+    look: Literal["default", "photo"] = "default"
+    """photo: the same bins in the look of a photograph, as in simpick pose-benchmark."""
     weights: Annotated[Path | None, tyro.conf.arg(metavar="PATH", help_behavior_hint="(default: those that ship)")] = (
         None
     )
@@ -47,6 +49,6 @@ class DetectorBenchmark(Config):
         torch.set_num_threads(self.threads)
         console = Console()
         make = find_detector(self.detector).make if self.weights is None else partial(LearnedDetector, self.weights)
-        found = detect_bins(make, benchmark_bins(self.bins), console)
+        found = detect_bins(make, benchmark_bins(self.bins, self.look), console)
         console.print(figures_table(found))
         return 0

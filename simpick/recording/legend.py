@@ -11,15 +11,14 @@ TRUTH_RGB = (90, 255, 90)
 
 LEGEND_PATH = "/legend"
 LEGEND = """
-| colour | what | entity |
-|---|---|---|
-| **orange** | detections: outline and box in the image, outline in 3D | `world/detections`, `.../detections` |
-| **cyan** | estimated poses: translucent parts with edges; magenta: a closer look | `world/estimates` |
-| **green** | true poses when the image was taken, from the simulator | `world/truth` |
-| own colours | the simulated parts, arm and bins | `world` |
-| red, green, blue | axes of the chosen gripper pose | `world/grasp` |
 
-Perception gets the image alone. Switch a layer off with the eye beside its entity (panel on the left).
+- **orange**: detections, outlines and boxes in the image and outlines in 3D (`world/detections`)
+- **cyan**: estimated poses, translucent parts with edges (`world/estimates`); magenta: a closer look
+- **green**: true poses when the image was taken (`world/truth`)
+- own colours: the simulated parts, arm and bins
+- red, green, blue axes: the chosen gripper pose (`world/grasp`)
+
+Perception gets the image alone. The panel on the left has an eye beside each entity, which hides it.
 """
 """The recording's description, in Markdown."""
 

@@ -31,7 +31,7 @@ _EDGE_ANGLE_RAD = np.radians(35)
 _EDGE_WIDTH = 0.6
 _OUTLINE_WIDTH = 1.0
 _MOST_EDGES = 600
-_NEAR_SHARE = 0.55
+_NEAR_SHARE = 0.5
 """How far from what it sees the close view stands, as a share of the camera's own distance."""
 
 
@@ -180,8 +180,8 @@ class PerceptionLayers:
         T, depth_m = frame.T_world_camera, frame.depth_m
         distance_m = 1.0 if depth_m is None or not depth_m.any() else float(np.median(depth_m[depth_m > 0]))
         target = T[:3, 3] + distance_m * T[:3, 2]
-        # From the side of the image's lower edge, half-way up.
-        away = T[:3, 1] - T[:3, 2]
+        # From the side of the image's lower edge, so steeply that the bin's wall hides nothing.
+        away = 0.4 * T[:3, 1] - T[:3, 2]
         eye = target + _NEAR_SHARE * distance_m * away / np.linalg.norm(away)
         return eye.tolist(), target.tolist()
 
