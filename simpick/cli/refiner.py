@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+import tyro
 from annotated_types import Interval, MinLen
 
 from simpick.cli.outputs import check_image
@@ -52,9 +53,18 @@ class RefinerBasin(Config):
 class RefinerCalibrate(Config):
     """Fit the probability that a refined pose can be picked by.
 
-    It is fitted on bins of random parts, so that library parts stay unseen, and checked on library parts. Hypotheses
-    come from the estimator retrieval: its five best together, and its best alone with its flips, where refined starts.
+    It is fitted on bins of random parts, so that library parts stay unseen, and checked on library parts. To ship it,
+    copy confidence.json over estimators/refiner/confidence.json.
     """
+
+    detections: Annotated[tuple[str, ...], MinLen(1), tyro.conf.arg(metavar="NAME ...")] = ("learned",)
+    """Detections to fit on and to check with; each bin is used with all of them."""
+    starts: Annotated[tuple[str, ...], MinLen(1), tyro.conf.arg(metavar="ESTIMATOR ...")] = (
+        "retrieval@5",
+        "retrieval@1",
+        "fine",
+    )
+    """Estimators whose poses are refined; a single hypothesis is also tried flipped."""
 
     bins: PositiveInt = 8
     """Bins of random parts to fit on, each with its own parts."""
@@ -71,12 +81,12 @@ class RefinerCalibrate(Config):
 
     def run(self) -> int:
         """Fit, check, write."""
+        from simpick.estimators.detections import detector_data
         from simpick.estimators.refiner import RefinedEstimator
         from simpick.estimators.refiner.confidence import fit_confidence
-        from simpick.estimators.retrieval import RetrievalConfig, RetrievalEstimator
+        from simpick.estimators.registry import load_estimator
         from simpick.pose_eval.benchmark_bins import benchmark_bins, load_view
         from simpick.pose_eval.refiner_calibration import (
-            DETECTIONS,
             Outcomes,
             brier_score,
             outcomes,
@@ -88,15 +98,18 @@ class RefinerCalibrate(Config):
         from simpick.terminal import Console
 
         check_image(self.out / "reliability.png", overwrite=self.overwrite)
+        # Before any bin is made, so that a wrong name costs no time.
+        estimators = {name: RefinedEstimator(load_estimator(name)) for name in self.starts}
+        for name in self.detections:
+            detector_data(name)
         check = [load_view(bin) for bin in benchmark_bins(self.check_bins)]
         fit = [random_bin(k, self.parts, self.count) for k in range(self.bins)]
         fitted_on: dict[str, Outcomes] = {}
         held_out: dict[str, Outcomes] = {}
-        for name, hypotheses in (("five hypotheses", 5), ("one, flipped too", 1)):
-            estimator = RefinedEstimator(RetrievalEstimator(RetrievalConfig(hypotheses=hypotheses)))
+        for name, estimator in estimators.items():
             try:
-                fitted_on[name] = outcomes(fit, estimator)
-                held_out[name] = outcomes(check, estimator)
+                fitted_on[name] = outcomes(fit, estimator, self.detections)
+                held_out[name] = outcomes(check, estimator, self.detections)
             finally:
                 estimator.close()
         every = pooled(fitted_on.values())
@@ -112,9 +125,7 @@ class RefinerCalibrate(Config):
 
         provenance = {
             "made_by": f"simpick refiner calibrate --bins {self.bins} --parts {self.parts} --count {self.count} "
-            f"--check-bins {self.check_bins}",
-            "hypotheses_from": "retrieval",
-            "detections": list(DETECTIONS),
+            f"--check-bins {self.check_bins} --detections {' '.join(self.detections)} --starts {' '.join(self.starts)}",
             "fitted_on": {name: figures(own) for name, own in fitted_on.items()},
             "checked_on_pose_benchmark": {name: figures(own) for name, own in answered.items()},
         }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,8 +24,6 @@ from simpick.pose_eval.pose_images import PoseImage, PoseTruth, library_model
 from simpick.records import Detection
 from simpick.scene import SceneConfig
 
-DETECTIONS = ("perfect", "realistic", "learned")
-"""Detections of calibration; each bin is used with all of them."""
 _FIRST_BIN_SEED, _FIRST_PART_SEED = 61_000, 700_000
 
 
@@ -64,10 +62,10 @@ def pooled(parts: Iterable[Outcomes]) -> Outcomes:
     )
 
 
-def outcomes(views: Iterable[BinView], estimator: RefinedEstimator) -> Outcomes:
-    """Refine the poses of all parts in these bins, with each of `DETECTIONS`."""
+def outcomes(views: Iterable[BinView], estimator: RefinedEstimator, detections: Sequence[str]) -> Outcomes:
+    """Refine the poses of all parts in these bins, with each of these detections by name."""
     detection, features, good = [], [], []
-    for image in (view.image(name) for view in views for name in DETECTIONS):
+    for image in (view.image(name) for view in views for name in detections):
         for name in sorted({found.part for found in image.detections}):
             estimator.onboard(get_part(name))
         for found, finalists in estimator.finalists(without_truth(image.frame), image.detections):
