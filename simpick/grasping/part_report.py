@@ -14,8 +14,10 @@ from simpick.grasping.coverage import resting_coverage
 from simpick.grasping.part_grasps import candidate_grasps, verified_grasps
 from simpick.scene.config import SceneConfig
 
+LEAST_COVERAGE = 0.05
+"""Below this share of resting poses with two feasible grasps, a gripper cannot empty a bin of the part."""
 ENOUGH_COVERAGE = 0.5
-"""Below this share of resting poses with two feasible grasps, parts are left over that lie the wrong way."""
+"""Below this share, parts are left over that lie the wrong way."""
 _LEAST_PIXELS = 150
 """A part must cover so many pixels of the overhead image to be found and estimated with some certainty."""
 _LEAST_WIDE_PX = 6
@@ -37,8 +39,8 @@ class Gripping:
 
     @property
     def is_possible(self) -> bool:
-        """Return whether there is any grasp that a resting part offers."""
-        return self.verified > 0 and self.coverage > 0
+        """Return whether there is a grasp that more than a few resting parts offer."""
+        return self.verified > 0 and self.coverage >= LEAST_COVERAGE
 
 
 def gripping(part: Part, gripper: str) -> Gripping:
@@ -102,4 +104,7 @@ def no_grasp_reason(option: Gripping) -> str:
         return "no place on its surface suits the gripper (too wide, too narrow, too curved or too small)"
     if option.verified == 0:
         return f"none of {option.sampled} sampled grasps holds in simulation (it slips, turns or is knocked away)"
-    return f"none of {option.verified} grasps can be reached where it rests on a floor"
+    return (
+        f"two of its {option.verified} grasps can be reached in only {option.coverage:.0%} of its resting poses (they "
+        "approach from below, from the side, or where the floor is in the way)"
+    )

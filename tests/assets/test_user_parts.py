@@ -22,6 +22,7 @@ from simpick.assets import convex_pieces as pieces_module
 from simpick.assets.plane_cuts import MOST_PIECES
 from simpick.assets.units import choose_unit
 from simpick.errors import ConfigError, MeshError, OutputError, UnknownPartError
+from tests.assets.step_files import step_box
 
 
 @pytest.fixture(autouse=True)
@@ -53,6 +54,18 @@ def test_every_format_gives_the_same_part(tmp_path, suffix):
     assert part.mesh.is_watertight and part.symmetries.is_trivial
     assert 2 <= len(part.collision) <= MOST_PIECES
     assert sum(piece.volume for piece in part.collision) == pytest.approx(part.mesh.volume, rel=0.1)
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("(LENGTH_UNIT() NAMED_UNIT(*) SI_UNIT(.MILLI.,.METRE.))", 1.0),
+                                             ("(LENGTH_UNIT() NAMED_UNIT(*) SI_UNIT($,.METRE.))", 1000.0)])  # fmt: skip
+def test_a_step_file_is_read_in_millimetres_whatever_its_own_unit(tmp_path, unit, scale):
+    path = tmp_path / "box.step"
+    path.write_text(step_box((60 / scale, 20 / scale, 10 / scale), unit))
+    imported = import_cad(path)
+    assert imported.part.extents_m == pytest.approx([0.06, 0.02, 0.01], rel=1e-6)
+    assert imported.part.mesh.volume == pytest.approx(12e-6, rel=1e-5)
+    assert (imported.unit, imported.part.metres_per_cad_unit) == ("mm", 1e-3)
+    assert "box.step: read in mm, as the file states (60 mm long)" in imported.notes
 
 
 def test_cad_frame_leads_back_to_the_files_coordinates(tmp_path):
