@@ -18,6 +18,7 @@ os.environ.setdefault("SIMPICK_CACHE", str(Path(tempfile.gettempdir()) / f"simpi
 
 SLOW = (
     "assets/test_library_parts.py",
+    "assets/test_mesh_fuzz.py",
     "assets/test_mesh_repair.py",
     "assets/test_symmetry_detection.py",
     "cli/test_compare.py",

@@ -46,10 +46,11 @@ class Compare:
         )
         from simpick.terminal import Console
 
-        comparison = Comparison.open(self.config, self.out, overwrite=self.execution.overwrite)
         console = Console()
+        # First, so that a gripper that can hold none of the parts leaves no folder.
         for line in describe_files(self.config.parts, self.config.gripper):
             console.print_line(line)
+        comparison = Comparison.open(self.config, self.out, overwrite=self.execution.overwrite)
         try:
             comparison.run(self.execution, console)
         except (SimpickError, KeyboardInterrupt):

@@ -35,10 +35,11 @@ class Run:
         from simpick.experiments.report.tables import scores_table
         from simpick.terminal import Console
 
-        run = Comparison.open(self.config, self.out, overwrite=self.execution.overwrite)
         console = Console()
+        # First, so that a gripper that can hold none of the parts leaves no folder.
         for line in describe_files(self.config.parts, self.config.gripper):
             console.print_line(line)
+        run = Comparison.open(self.config, self.out, overwrite=self.execution.overwrite)
         run.run(self.execution, console)
         console.print(scores_table(self.config, run.results))
         console.print_line(f"results: {self.out / 'results.jsonl'}")

@@ -32,10 +32,11 @@ class Sweep:
         from simpick.experiments.sweep import noise_steps, plot_steps, steps_csv, steps_table
         from simpick.terminal import Console
 
-        comparison = Comparison.open(self.config.comparison(), self.out, overwrite=self.execution.overwrite)
         console = Console()
+        # First, so that a gripper that can hold none of the parts leaves no folder.
         for line in describe_files(self.config.parts, self.config.gripper):
             console.print_line(line)
+        comparison = Comparison.open(self.config.comparison(), self.out, overwrite=self.execution.overwrite)
         comparison.run(self.execution, console)
         steps = noise_steps(self.config, comparison)
         console.print(steps_table(steps))

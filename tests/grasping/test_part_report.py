@@ -77,3 +77,4 @@ def test_a_run_with_parts_that_cannot_be_gripped_stops_before_it_starts(tmp_path
     run = Run(RunConfig(parts=(f"{tmp_path / 'box.stl'}@mm",)), tmp_path / "out")
     with pytest.raises(ConfigError, match=r"the jaw gripper can hold none of these parts: .*no place on its surface"):
         run.run()
+    assert not (tmp_path / "out").exists()
