@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from simpick.estimators.base import Detector
-    from simpick.photos import Calibration, PhotoEstimator, PhotoPoses
+    from simpick.photos import Calibration, PhotoEstimator, PhotoPoses, PoseChecks
     from simpick.photos.image_files import ImageFile, ImageReader
     from simpick.photos.outputs import ImageAnswer
     from simpick.records import Detection
@@ -83,7 +83,7 @@ class Estimate(Config):
     def run(self) -> int:
         """Estimate, print the poses, and write the files; return 1 if an image could not be answered."""
         from simpick.photos.image_files import ImageReader, find_images
-        from simpick.photos.outputs import unit_name, write_csv, write_json
+        from simpick.photos.outputs import PoseFiles, unit_name
         from simpick.photos.parts import load_parts
         from simpick.photos.photo_estimator import PhotoEstimator
         from simpick.photos.photo_recording import PhotoRecording
@@ -100,23 +100,23 @@ class Estimate(Config):
             extents = " x ".join(f"{extent * 1e3:.1f}" for extent in part.extents_m)
             console.print_line(f"{part.name}: {extents} mm; poses in {unit_name(part)}, the unit of its file")
         source = self._detections([part.name for part in parts])
-        answers: list[ImageAnswer] = []
+        found = failed = 0
         with (
             ImageReader() as reader,
             PhotoEstimator(parts, self.mode) as estimator,
             PhotoRecording(self.out / "poses.rrd", parts, overwrite=self.overwrite) as recording,
         ):
-            for k, image in enumerate(track(images, "images", total=len(images), console=console)):
-                answer = self._answer(image, reader, calibration, estimator, source)
-                answers.append(answer)
-                recording.add(k, answer)
-                _print(console, answer, rivals=self.show_rivals)
-            probabilities = estimator.gives_probabilities
-        by_name = {part.name: part for part in parts}
-        write_json(self.out / "poses.json", answers, by_name, mode=self.mode, probabilities=probabilities)
-        write_csv(self.out / "poses.csv", answers, by_name, probabilities=probabilities)
-        failed = sum(answer.poses is None for answer in answers)
-        found = sum(len(answer.poses.estimates) for answer in answers if answer.poses is not None)
+            files = PoseFiles(parts, self.mode, probabilities=estimator.gives_probabilities)
+            try:
+                for k, image in enumerate(track(images, "images", total=len(images), console=console)):
+                    answer = self._answer(image, reader, calibration, estimator, source)
+                    recording.add(k, answer)
+                    files.add(answer)
+                    _print(console, answer, rivals=self.show_rivals)
+                    failed += answer.poses is None
+                    found += 0 if answer.poses is None else len(answer.poses.estimates)
+            finally:
+                files.write(self.out)  # Also what was finished before an interruption.
         console.print_line(f"{found} poses in {len(images)} images, {failed} without an answer: {self.out}/poses.json")
         return 1 if failed else 0
 
@@ -158,28 +158,36 @@ class Estimate(Config):
         source: Callable[[ImageFile, int, int], Detector | Sequence[Detection]],
     ) -> ImageAnswer:
         """Return one image's poses with its overlay written; an error of this image does not end the others."""
-        from simpick.cli.outputs import write_image
         from simpick.photos.outputs import ImageAnswer
-        from simpick.photos.overlay import draw_poses, draw_rivals
 
         try:
             photo = reader.read(image, calibration.size)
             height, width = photo.rgb.shape[:2]
             camera = calibration.of_size(width, height)
             poses = estimator.estimate(photo.rgb, camera, source(image, height, width), count=self.count)
-            depths_m = estimator.depths(poses)
-            checks = estimator.checks(poses, depths_m)
-            drawn = draw_poses(
-                poses.frame, poses.estimates, depths_m, [estimator.parts[e.part] for e in poses.estimates]
-            )
-            if self.show_rivals:
-                draw_rivals(drawn, estimator.rival_depths(poses, checks))
-            write_image(self.out / "overlays" / f"{image.name}.png", drawn)
+            checks = estimator.checks(poses)
+            self._draw(image, estimator, poses, checks)
         except OutputError:
             raise
         except SimpickError as error:
             return ImageAnswer(str(image), image.name, None, (), (), str(error))
         return ImageAnswer(str(image), image.name, poses, checks, [*photo.notes, *self._missing(poses)])
+
+    def _draw(
+        self, image: ImageFile, estimator: PhotoEstimator, poses: PhotoPoses, checks: Sequence[PoseChecks]
+    ) -> None:
+        from simpick.cli.outputs import write_image
+        from simpick.photos.overlay import Overlay
+
+        overlay, frame = Overlay(poses.frame), poses.frame
+        for k, (estimate, own) in enumerate(zip(poses.estimates, checks, strict=True)):
+            part = estimator.parts[estimate.part]
+            for rival in own.rivals if self.show_rivals else ():
+                overlay.draw_rival(estimator.depth(part.name, rival.T_camera_cad @ part.T_cad_part, frame))
+            overlay.draw_contours(k, part, estimator.depth(part.name, estimate.T_camera_part, frame))
+        for k, estimate in enumerate(poses.estimates):
+            overlay.draw_axes(k, estimator.parts[estimate.part], estimate)
+        write_image(self.out / "overlays" / f"{image.name}.png", overlay.image)
 
     def _missing(self, poses: PhotoPoses) -> list[str]:
         """Return why there are fewer estimates than one may expect."""

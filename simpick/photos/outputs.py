@@ -6,7 +6,7 @@ import csv
 import io
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -41,48 +41,56 @@ class ImageAnswer:
     """Why there is no answer."""
 
 
-def write_json(
-    path: Path, answers: Sequence[ImageAnswer], parts: Mapping[str, Part], *, mode: str, probabilities: bool
-) -> None:
-    """Write all answers; `probabilities` states whether scores are probabilities. Raises `OutputError`."""
-    content = {
-        "format": FORMAT,
-        "mode": mode,
-        "convention": "p_camera = R p_cad + t; camera axes x right, y down, z forward (OpenCV); t in the unit stated",
-        "parts": {
-            name: {"unit": unit_name(part), "metres_per_unit": part.metres_per_cad_unit} for name, part in parts.items()
-        },
-        "images": [_image(answer, probabilities) for answer in answers],
-    }
-    atomic_write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+class PoseFiles:
+    """Collects the answers to images, without the images, and writes them."""
 
+    def __init__(self, parts: Sequence[Part], mode: str, *, probabilities: bool) -> None:
+        """Take the parts that were looked for; `probabilities` states whether scores are probabilities."""
+        self._parts = {part.name: part for part in parts}
+        self._mode, self._probabilities = mode, probabilities
+        self._images: list[dict[str, Any]] = []
+        self._rows: list[list[Any]] = []
 
-def write_csv(path: Path, answers: Sequence[ImageAnswer], parts: Mapping[str, Part], *, probabilities: bool) -> None:
-    """Write one line per estimate; R row by row and t are separated by spaces, as in BOP. Raises `OutputError`."""
-    text = io.StringIO()
-    rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(CSV_HEADER)
-    for answer in answers:
-        if answer.poses is None:
-            continue
-        for estimate, checks in zip(answer.poses.estimates, answer.checks, strict=True):
-            T, score = estimate.T_camera_cad_units, float(estimate.score)
-            rows.writerow(
-                [
-                    answer.file,
-                    estimate.part,
-                    score,
-                    score if probabilities else "",
-                    _join(T[:3, :3]),
-                    _join(T[:3, 3]),
-                    unit_name(parts[estimate.part]),
-                    _or_none(checks.edge_agreement),
-                    _or_none(checks.mask_agreement),
-                    "; ".join(checks.reasons),
-                    round(sum(answer.poses.timings_s.values()), 4),
-                ]
-            )
-    atomic_write_text(path, text.getvalue())
+    def add(self, answer: ImageAnswer) -> None:
+        """Keep what is written about an image."""
+        self._images.append(_image(answer, self._probabilities))
+        if answer.poses is not None:
+            for estimate, checks in zip(answer.poses.estimates, answer.checks, strict=True):
+                self._rows.append(self._row(answer, estimate, checks, sum(answer.poses.timings_s.values())))
+
+    def write(self, folder: Path) -> None:
+        """Write ``poses.json`` and ``poses.csv``; in the CSV, R row by row and t are separated by spaces, as in BOP.
+
+        Raises:
+            OutputError: the folder cannot be written.
+        """
+        convention = "p_camera = R p_cad + t; camera axes x right, y down, z forward (OpenCV); t in the unit stated"
+        units = {
+            name: {"unit": unit_name(part), "metres_per_unit": part.metres_per_cad_unit}
+            for name, part in self._parts.items()
+        }
+        content = {"format": FORMAT, "mode": self._mode, "convention": convention, "parts": units}
+        text = json.dumps(content | {"images": self._images}, indent=1, allow_nan=False)
+        atomic_write_text(folder / "poses.json", text + "\n")
+        table = io.StringIO()
+        csv.writer(table, lineterminator="\n").writerows([CSV_HEADER, *self._rows])
+        atomic_write_text(folder / "poses.csv", table.getvalue())
+
+    def _row(self, answer: ImageAnswer, estimate: CadPoseEstimate, checks: PoseChecks, time_s: float) -> list[Any]:
+        T, score = estimate.T_camera_cad_units, float(estimate.score)
+        return [
+            answer.file,
+            estimate.part,
+            score,
+            score if self._probabilities else "",
+            _join(T[:3, :3]),
+            _join(T[:3, 3]),
+            unit_name(self._parts[estimate.part]),
+            _or_none(checks.edge_agreement),
+            _or_none(checks.mask_agreement),
+            "; ".join(checks.reasons),
+            round(time_s, 4),
+        ]
 
 
 def unit_name(part: Part) -> str:

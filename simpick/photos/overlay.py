@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8
@@ -24,40 +22,39 @@ _STEP_SHARE = 0.02
 """A jump of depth by this share of the part's diameter is drawn as an inner contour."""
 
 
-def draw_poses(
-    frame: CameraFrame,
-    estimates: Sequence[CadPoseEstimate],
-    depths_m: Sequence[Float32[np.ndarray, "height width"]],
-    parts: Sequence[Part],
-) -> UInt8[np.ndarray, "height width 3"]:
-    """Return the image with each estimate's contours, inner ones thinner, its axes and its score.
+class Overlay:
+    """An image into which poses are drawn: first all contours, then all axes."""
 
-    `depths_m` are the rendered depths of `parts`, those of the estimates. Axes have half the part's diameter as length
-    and the directions of the CAD file's axes. They stand in its origin, or in the part's centre where the origin is
-    farther from it than one diameter.
-    """
-    image = np.ascontiguousarray(frame.rgb).copy()
-    thick = max(1, round(max(image.shape[:2]) / 700))
-    for k, (depth_m, part) in enumerate(zip(depths_m, parts, strict=True)):
-        colour = _COLOURS[k % len(_COLOURS)]
-        image[inner_contours(depth_m, _STEP_SHARE * part.diameter_m)] = colour
-        outlines, _ = cv2.findContours((depth_m > 0).astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
-        cv2.drawContours(image, outlines, -1, colour, thick, cv2.LINE_AA)
-    for k, (estimate, part) in enumerate(zip(estimates, parts, strict=True)):
-        R_camera_cad = estimate.T_camera_cad[:3, :3]
+    def __init__(self, frame: CameraFrame) -> None:
+        self.image: UInt8[np.ndarray, "height width 3"] = np.ascontiguousarray(frame.rgb).copy()
+        self._camera = frame.camera
+        self._thick = max(1, round(max(self.image.shape[:2]) / 700))
+
+    def draw_contours(self, index: int, part: Part, depth_m: Float32[np.ndarray, "height width"]) -> None:
+        """Draw the contours of a part with this depth in the colour of estimate `index`, inner ones thinner."""
+        colour = _COLOURS[index % len(_COLOURS)]
+        self.image[inner_contours(depth_m, _STEP_SHARE * part.diameter_m)] = colour
+        self._draw_outline(depth_m, colour, self._thick)
+
+    def draw_rival(self, depth_m: Float32[np.ndarray, "height width"]) -> None:
+        """Draw the outline of a rival pose, thin and white."""
+        self._draw_outline(depth_m, _RIVAL_COLOUR, 1)
+
+    def draw_axes(self, index: int, part: Part, estimate: CadPoseEstimate) -> None:
+        """Draw the CAD file's axes with half the part's diameter as length, and the score.
+
+        They stand in the file's origin, or in the part's centre where the origin is farther from it than one diameter.
+        """
         origin = _axes_origin(estimate, part.diameter_m)
-        _draw_axes(image, frame.camera, R_camera_cad, origin, part.diameter_m / 2, thick)
-        _draw_label(image, frame.camera, estimate, _COLOURS[k % len(_COLOURS)], thick)
-    return image
+        R_camera_cad = estimate.T_camera_cad[:3, :3]
+        _draw_axes(self.image, self._camera, R_camera_cad, origin, part.diameter_m / 2, self._thick)
+        _draw_label(self.image, self._camera, estimate, _COLOURS[index % len(_COLOURS)], self._thick)
 
-
-def draw_rivals(
-    image: UInt8[np.ndarray, "height width 3"], depths_m: Sequence[Float32[np.ndarray, "height width"]]
-) -> None:
-    """Draw the contours of rival poses, thin and white, into an overlay."""
-    for depth_m in depths_m:
+    def _draw_outline(
+        self, depth_m: Float32[np.ndarray, "height width"], colour: tuple[int, int, int], thick: int
+    ) -> None:
         outlines, _ = cv2.findContours((depth_m > 0).astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
-        cv2.drawContours(image, outlines, -1, _RIVAL_COLOUR, 1, cv2.LINE_AA)
+        cv2.drawContours(self.image, outlines, -1, colour, thick, cv2.LINE_AA)
 
 
 def inner_contours(depth_m: Float32[np.ndarray, "height width"], step_m: float) -> Bool[np.ndarray, "height width"]:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Float, Float32
 
 from simpick.assets.part import Part
 from simpick.closing import Closing
@@ -99,30 +99,18 @@ class PhotoEstimator(Closing):
                 kept.append(estimate)
         return PhotoPoses(frame, tuple(found), tuple(kept), timings_s)
 
-    def depths(self, poses: PhotoPoses) -> list[Float32[np.ndarray, "height width"]]:
-        """Return the depth image of each estimated part alone; 0 beside it."""
+    def depth(
+        self, part: str, T_camera_part: Float[np.ndarray, "4 4"], frame: CameraFrame
+    ) -> Float32[np.ndarray, "height width"]:
+        """Return the depth image of a part alone in metres; 0 beside it."""
+        return self._depth.render(self.parts[part], T_camera_part[None], frame.camera)[0]
+
+    def checks(self, poses: PhotoPoses) -> list[PoseChecks]:
+        """Return the checks of each estimate."""
         return [
-            self._depth.render(self.parts[e.part], e.T_camera_part[None], poses.frame.camera)[0]
+            check_pose(e, self.parts[e.part], poses.frame, self.depth(e.part, e.T_camera_part, poses.frame) > 0)
             for e in poses.estimates
         ]
-
-    def checks(self, poses: PhotoPoses, depths_m: Sequence[Float32[np.ndarray, "height width"]]) -> list[PoseChecks]:
-        """Return the checks of each estimate, from the depth images of `depths`."""
-        return [
-            check_pose(e, self.parts[e.part], poses.frame, depth_m > 0)
-            for e, depth_m in zip(poses.estimates, depths_m, strict=True)
-        ]
-
-    def rival_depths(
-        self, poses: PhotoPoses, checks: Sequence[PoseChecks]
-    ) -> list[Float32[np.ndarray, "height width"]]:
-        """Return the depth image of each rival of each estimate."""
-        depths_m = []
-        for estimate, own in zip(poses.estimates, checks, strict=True):
-            part = self.parts[estimate.part]
-            Ts_camera_part = np.array([r.T_camera_cad @ part.T_cad_part for r in own.rivals]).reshape(-1, 4, 4)
-            depths_m += list(self._depth.render(part, Ts_camera_part, poses.frame.camera))
-        return depths_m
 
     def close(self) -> None:
         """Free the OpenGL contexts; may be called again."""

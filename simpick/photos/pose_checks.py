@@ -9,11 +9,12 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8
 
 from simpick.assets.part import Part
-from simpick.geometry import invert
+from simpick.geometry import box_of_mask, invert
 from simpick.records import CameraFrame, PoseEstimate, PoseHypothesis
 from simpick.rendering.luminance import LUMINANCE
 
 _BLUR_PX = 1.0
+_MARGIN_PX = 10
 _REACH_PX = 2
 """Distance from the contour in which an edge of the image is looked for, along the contour's normal."""
 _EDGE_LEVELS = 5.0
@@ -88,11 +89,15 @@ def edge_agreement(rgb: UInt8[np.ndarray, "height width 3"], silhouette: Bool[np
     At each pixel of the contour that is not at the image's border, the image's gradient along the contour's normal is
     searched within 2 px.
     """
+    image_height, image_width = silhouette.shape
+    x0, y0, x1, y1 = box_of_mask(silhouette).astype(int)
+    left, top = max(x0 - _MARGIN_PX, 0), max(y0 - _MARGIN_PX, 0)
+    window = slice(top, min(y1 + _MARGIN_PX, image_height)), slice(left, min(x1 + _MARGIN_PX, image_width))
+    rgb, silhouette = rgb[window], silhouette[window]
     outlines, _ = cv2.findContours(silhouette.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
     points = np.concatenate([np.zeros((0, 1, 2), np.int32), *outlines])[:, 0].astype(np.float32)
-    height, width = silhouette.shape
-    inside = (points > 0).all(axis=1) & (points < [width - 1, height - 1]).all(axis=1)
-    points = points[inside]
+    x, y = points[:, 0] + left, points[:, 1] + top
+    points = points[(x > 0) & (y > 0) & (x < image_width - 1) & (y < image_height - 1)]
     if len(points) == 0:
         return float("nan")
     gray = cv2.GaussianBlur((rgb @ np.array(LUMINANCE)).astype(np.float32), (0, 0), _BLUR_PX)

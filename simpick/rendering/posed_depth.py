@@ -9,6 +9,7 @@ from simpick.assets.part import Part
 from simpick.closing import Closing
 from simpick.geometry import Pinhole
 from simpick.rendering.part_renderers import PartRenderers
+from simpick.rendering.renderer import RenderQuality
 
 _MAX_RENDERERS = 32
 """OpenGL contexts kept open at once. Making one takes longer than rendering dozens of images, so mixed bins need one
@@ -19,7 +20,8 @@ class PosedDepthRenderer(Closing):
     """Renders depth of single parts and keeps its OpenGL contexts between calls. A context manager."""
 
     def __init__(self) -> None:
-        self._renderers = PartRenderers(_MAX_RENDERERS)
+        # Depth is drawn without anti-aliasing; a buffer for it would only cost memory, much of it for large images.
+        self._renderers = PartRenderers(_MAX_RENDERERS, quality=RenderQuality(shadow_map_px=0, samples=0))
 
     def render(
         self, part: Part, Ts_camera_part: Float[np.ndarray, "n 4 4"], camera: Pinhole

@@ -76,6 +76,16 @@ def test_nothing_detected_says_what_to_do(folder: Path, tmp_path: Path, capsys) 
     assert "note: nothing was detected" in capsys.readouterr().out
 
 
+def test_a_part_of_which_nothing_is_seen_says_so_and_rivals_are_shown(folder: Path, tmp_path: Path, capsys) -> None:
+    arguments = ["--camera", *NUMBERS, "--part", "inch_block", "--mode", "retrieval"]
+    boxes = ["--boxes", "900", "900", "950", "950", "40", "30", "120", "100"]
+    image = str(folder / "images" / "a1.png")
+    assert main(["estimate", image, *arguments, *boxes, "--show-rivals", "--out", str(tmp_path / "out")]) == 0
+    text = capsys.readouterr().out
+    assert "note: 1 detections have no estimate: outside the image, or too few pixels" in text
+    assert "a1.png: 1 poses" in text and "rival 0." in text
+
+
 @pytest.mark.parametrize(
     ("options", "problem"),
     [

@@ -112,7 +112,7 @@ def test_a_box_gets_a_mask_and_the_checks_speak_for_a_good_pose(
     camera = Calibration.from_K(K_OPENCV).of_size(CAMERA.width, CAMERA.height)
     with PhotoEstimator([part], "retrieval_refined") as estimator:
         poses = estimator.estimate(seen.rgb, camera, [Detection(part.name, box, None, 1.0)])
-        (checks,) = estimator.checks(poses, estimator.depths(poses))
+        (checks,) = estimator.checks(poses)
     mask, truth = poses.detections[0].mask, seen.instances == 0
     assert mask is not None and (mask & truth).sum() / (mask | truth).sum() > 0.95
     assert checks.edge_agreement > 0.8 and checks.mask_agreement > 0.9
