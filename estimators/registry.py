@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
-from simpick.config import Config, NonNegativeInt, PositiveInt
+from simpick.config import Config, NonNegativeInt
 from simpick.errors import ConfigError, UnknownNameError
 from simpick.estimators.base import PoseEstimator
 from simpick.estimators.plugins import Plugin, entries_of, make_plugin
@@ -29,8 +29,8 @@ class PoseBudget(Config):
 
     iterations: NonNegativeInt | None = None
     """How many times templates are chosen around the estimator's own answer."""
-    steps: PositiveInt | None = None
-    """Denoising steps per answer."""
+    decoder_steps: NonNegativeInt | None = None
+    """Denoising steps of the diffusion decoder per answer; 0 leaves it out."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def _retrieval(hypotheses: int | None, budget: PoseBudget) -> PoseEstimator:
 def _raypose(mode: Literal["coarse", "fine"], hypotheses: int | None, budget: PoseBudget) -> PoseEstimator:
     from simpick.estimators.raypose import RayPoseEstimatorConfig, load_raypose
 
-    asked = {"hypotheses": hypotheses, "iterations": budget.iterations, "steps": budget.steps}
+    asked = {"hypotheses": hypotheses, "iterations": budget.iterations, "decoder_steps": budget.decoder_steps}
     config = RayPoseEstimatorConfig(**{name: value for name, value in asked.items() if value is not None})
     return load_raypose(mode, config)
 
@@ -160,5 +160,5 @@ def load_estimator(name: str, *, hypotheses: int | None = None, budget: PoseBudg
     spec = find_estimator(parsed.name)
     hypotheses, budget = parsed.hypotheses or hypotheses, budget or PoseBudget()
     if budget != PoseBudget() and not spec.takes_budget:
-        raise ConfigError(f"iterations and steps are options of coarse and fine; {name!r} has none. Leave them out")
+        raise ConfigError(f"iterations and decoder are options of coarse and fine; {name!r} has none. Leave them out")
     return spec.make(hypotheses, budget)

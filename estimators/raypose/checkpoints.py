@@ -20,17 +20,10 @@ from simpick.estimators.raypose.network.model import RayPose
 from simpick.estimators.raypose.strict_weights import check_weights
 
 FORMAT = "simpick-raypose"
-VERSION = "3"
+VERSION = "4"
 """Raised when the same weights would mean something else or have other names."""
 SHIPPED_WEIGHTS = "raypose.safetensors"
 _FROZEN = "image_encoder.vit."
-_RENAMED = {
-    ".modulation.": ".adaLN_modulation.1.",
-    ".modulation_out.": ".adaLN_modulation.1.",
-    ".from_narrow.": ".from_fine.",
-    ".from_wide.": ".from_coarse.",
-}
-"""Parts of tensors' names in files of version 2, which hold the same tensors, and what they are called now."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,8 +107,8 @@ def _read(path: Path) -> tuple[dict[str, str], dict[str, torch.Tensor]]:
     try:
         with safetensors.safe_open(str(path), framework="pt") as file:
             header = file.metadata() or {}
-            ours = header.get("format") == FORMAT and header.get("version") in ("2", VERSION)
-            tensors = {_renamed(name): file.get_tensor(name) for name in file.keys()} if ours else {}  # noqa: SIM118 - no mapping
+            ours = header.get("format") == FORMAT and header.get("version") == VERSION
+            tensors = {name: file.get_tensor(name) for name in file.keys()} if ours else {}  # noqa: SIM118 - no mapping
     except (safetensors.SafetensorError, OSError, ValueError) as error:
         raise CheckpointError(f"{path} is damaged or no safetensors file ({error}); get it again") from error
     if header.get("format") != FORMAT:
@@ -128,9 +121,3 @@ def _read(path: Path) -> tuple[dict[str, str], dict[str, torch.Tensor]]:
             f"{path} must be of version {VERSION}, got {header.get('version')!r}; use the simpick that wrote it"
         )
     return header, tensors
-
-
-def _renamed(name: str) -> str:
-    for old, new in _RENAMED.items():
-        name = name.replace(old, new)
-    return name

@@ -23,7 +23,9 @@ from simpick.estimators.raypose.network.model import RayPose
 from simpick.estimators.raypose.network.tokens import QueryTokens
 from simpick.estimators.raypose.predictor import Predictor
 from simpick.estimators.raypose.template_bank import TemplateBank
+from simpick.estimators.raypose.view_index import ViewIndex, load_view_index
 from simpick.estimators.valid_detections import check_onboarded, valid_detections
+from simpick.geometry import transform
 from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
 from simpick.rendering import load_templates
 
@@ -59,8 +61,9 @@ class RayPoseEstimator:
         self._iterations = default if self.config.iterations is None else self.config.iterations
         if start is not None and self._iterations < 1:
             raise ConfigError(f"a fine network needs 1 iteration or more, got {self._iterations}")
-        self._predictor = Predictor(self.model, self.config.steps, self.config.seed)
+        self._predictor = Predictor(self.model, self.config.decoder_steps, self.config.seed)
         self._banks: dict[str, TemplateBank] = {}
+        self._indices: dict[str, ViewIndex] = {}
 
     def onboard(self, part: Part) -> None:
         """Render the part's templates, or take them from the cache; coarse templates are encoded at once."""
@@ -73,6 +76,8 @@ class RayPoseEstimator:
                 with torch.inference_mode():
                     bank.over_sphere()
             self._banks[part.name] = bank
+            if self.start is not None and self.config.views:
+                self._indices[part.name] = load_view_index(self.model, part, load_templates(part))
 
     def estimate(self, frame: CameraFrame, detections: Sequence[Detection]) -> list[PoseEstimate]:
         """Return the pose of each valid detection, with its hypotheses.
@@ -88,7 +93,7 @@ class RayPoseEstimator:
         check_onboarded(detections, self._banks)
         valid = valid_detections(detections, frame, self.config.min_mask_px)
         starts = self._starts(frame, [v.detection for v in valid])
-        if starts is not None:
+        if starts is not None and not self.config.views:
             valid = [v for v in valid if id(v.detection) in starts]
         if not valid:
             return []
@@ -104,7 +109,7 @@ class RayPoseEstimator:
                 if starts is None:
                     candidates = self._coarse(bank, crops, queries, rows)
                 else:
-                    own = [starts[id(valid[i].detection)] for i in rows]
+                    own = [starts.get(id(valid[i].detection), []) for i in rows]
                     candidates = self._fine(bank, crops, queries, rows, own)
                 answers.update((i, self._ranked(bank.part, candidates, i)) for i in rows.tolist())
         elapsed_s = (time.perf_counter() - begin) / len(valid)
@@ -120,7 +125,7 @@ class RayPoseEstimator:
         starts = {}
         for estimate in self.start.estimate(frame, detections):
             own = estimate.hypotheses or (PoseHypothesis(estimate.T_camera_part, estimate.score),)
-            starts[id(estimate.detection)] = [h.T_camera_part for h in own[: self.config.hypotheses]]
+            starts[id(estimate.detection)] = [h.T_camera_part for h in own[: self.config.followed]]
         return starts
 
     def _fine(
@@ -131,7 +136,13 @@ class RayPoseEstimator:
         rows: Int[np.ndarray, "n"],
         starts: list[list[Float[np.ndarray, "4 4"]]],
     ) -> Candidates:
-        """Return a candidate for each start."""
+        """Return a candidate for each start, and for each of the views whose embeddings are most similar."""
+        if self.config.views:
+            index = self._indices[bank.part.name]
+            half_tangents = crops.inputs.half_tangent[rows]
+            found = index.search(self.model, bank.part, queries.embedding[rows], half_tangents, self.config.views)
+            for own, row, (Ts_crop_part, _) in zip(starts, rows, found, strict=True):
+                own += list(transform(crops.Rs_crop_camera[row].T) @ Ts_crop_part)
         rows = np.repeat(rows, [len(own) for own in starts])
         Ts_camera_part = np.stack([T for own in starts for T in own])
         return self._iterate(bank, crops, queries, Candidates(rows, rows, Ts_camera_part, np.zeros(len(rows))))
@@ -142,25 +153,26 @@ class RayPoseEstimator:
         """Return the candidates that follow from the turns that match templates over the sphere best."""
         turns, sphere = self.config.turns, bank.over_sphere()
 
-        def over_sphere(rows: Int[np.ndarray, "n"], *, denoise: bool) -> Candidates:
+        def over_sphere(rows: Int[np.ndarray, "n"], *, final: bool) -> Candidates:
             pose, scores = self._predictor.predict(
                 queries,
                 rows,
                 lambda chunk: sphere.for_queries(torch.zeros(len(chunk), dtype=torch.long)),
-                denoise=denoise,
+                final=final,
             )
             return Candidates(rows // turns, rows, crops.poses_in_camera(rows, pose), scores)
 
         turned = (rows[:, None] * turns + np.arange(turns)).ravel()
-        first = over_sphere(turned, denoise=False).best(max(self.config.tried, self.config.hypotheses))
+        first = over_sphere(turned, final=False).best(max(self.config.tried, self.config.hypotheses))
         if self._iterations == 0 and self.model.solves_matches:
-            return over_sphere(first.crops, denoise=True)
+            return over_sphere(first.crops, final=True)
         return self._iterate(bank, crops, queries, first)
 
     def _iterate(
         self, bank: TemplateBank, crops: QueryCrops, queries: QueryTokens, candidates: Candidates
     ) -> Candidates:
-        """Return candidates after predictions from templates around them, repeated; only the last one is denoised.
+        """Return candidates after predictions from templates around them, repeated; only the last follow the flow, and
+        are denoised if there are denoising steps.
 
         If a single hypothesis is asked for, the better half of what is tried is kept after the first pass.
         """
@@ -170,7 +182,7 @@ class RayPoseEstimator:
             rows = candidates.crops
             Ts_crop_part = crops.poses_in_crops(rows, candidates.Ts_camera_part)
             pose, scores = self._predictor.predict(
-                queries, rows, lambda chunk, Ts=Ts_crop_part: bank.around(Ts[chunk]), denoise=left == 0
+                queries, rows, lambda chunk, Ts=Ts_crop_part: bank.around(Ts[chunk]), final=left == 0
             )
             candidates = Candidates(candidates.detections, rows, crops.poses_in_camera(rows, pose), scores)
             if left:
@@ -215,5 +227,5 @@ def load_raypose(
     if mode == "fine" and start is None:
         from simpick.estimators.retrieval import RetrievalConfig, RetrievalEstimator
 
-        start = RetrievalEstimator(RetrievalConfig(hypotheses=max(5, config.hypotheses)))
+        start = RetrievalEstimator(RetrievalConfig(hypotheses=max(config.followed, 1)))
     return RayPoseEstimator(model, config, start=start)

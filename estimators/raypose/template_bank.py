@@ -10,8 +10,9 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from simpick.assets.part import Part
+from simpick.estimators.raypose.crops.aimed_templates import aim_at_templates
 from simpick.estimators.raypose.crops.template_choice import choose_around, spread_over_sphere
-from simpick.estimators.raypose.crops.template_crops import collate, crop_templates, move_points
+from simpick.estimators.raypose.crops.template_crops import TemplateImages, collate, crop_templates, move_points
 from simpick.estimators.raypose.network.flow import FlowCells
 from simpick.estimators.raypose.network.model import RayPose
 from simpick.estimators.raypose.network.pose_maps import ViewPoses
@@ -36,6 +37,7 @@ class _Slot(TensorRecord):
     points: Float[Tensor, "*batch cells 3"]
     coverage: Float[Tensor, "*batch cells"]
     flow: FlowCells
+    embedding: Float[Tensor, "*batch embedding"]
     half_tangent: Float[Tensor, "*batch"]
     Ts_crop_part: Float[np.ndarray, "*batch 4 4"]
 
@@ -45,6 +47,7 @@ class TemplateBank:
 
     def __init__(self, model: RayPose, part: Part, templates: TemplateSet) -> None:
         self._model, self.part, self._templates = model, part, templates
+        self._images = TemplateImages.of(templates)
         self._slots: dict[tuple[int, int], _Slot] = {}
         self._sphere: TemplateTokens | None = None
 
@@ -86,7 +89,8 @@ class TemplateBank:
     def _encode(self, keys: list[tuple[int, int]]) -> None:
         views: Int[np.ndarray, "n"] = np.array([view for view, _ in keys])
         angles = 2 * np.pi * np.array([turn for _, turn in keys]) / TURNS
-        crops = crop_templates(self._templates, views, angles, self._model.config)
+        aimed = aim_at_templates(self._templates, views, angles, self._model.config)
+        crops = crop_templates(self._images, aimed, self._model.config)
         encoded = self._model.encode_templates(collate([crops], [self.part.diameter_m]))
         slots = _Slot(
             encoded.tokens[0],
@@ -94,6 +98,7 @@ class TemplateBank:
             encoded.points[0],
             encoded.coverage[0],
             encoded.flow.map(lambda x: x[0]),
+            encoded.embedding[0],
             torch.tensor(crops.half_tangent, dtype=torch.float32),
             crops.Ts_crop_part,
         )
@@ -121,4 +126,5 @@ class TemplateBank:
             ViewPoses.of(torch.tensor(slots.Ts_crop_part, dtype=torch.float32), slots.half_tangent),
             torch.full(slots.half_tangent.shape, self.part.diameter_m),
             slots.flow,
+            slots.embedding,
         )

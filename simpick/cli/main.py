@@ -57,7 +57,7 @@ FORMER_OPTIONS = {
     "run": {"--perception": "--estimator"},
     "benchmark": {"--perception": "--estimator"},
     "evaluate": {"--scenes": "--bins", "--noise": "--detections"},
-    "pose-benchmark": {"--noise": "--detections"},
+    "pose-benchmark": {"--noise": "--detections", "--steps": "--decoder"},
     "parts add": {"--replace": "--overwrite"},
     "train": {
         **{f"--{name}": f"--training.{name}" for name in ("batch", "parts", "templates", "learning-rate", "schedule")},

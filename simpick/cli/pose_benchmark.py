@@ -38,8 +38,8 @@ class PoseBenchmark(Config):
     """How many hypotheses to ask for per detection; the oracle has none."""
     iterations: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint=_ESTIMATORS_OWN)] = None
     """coarse and fine: how many times templates are chosen around the estimator's own answer."""
-    steps: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint=_ESTIMATORS_OWN)] = None
-    """coarse and fine: denoising steps per answer."""
+    decoder: Annotated[int | None, tyro.conf.arg(metavar="STEPS", help_behavior_hint="(default: 0, off)")] = None
+    """coarse and fine: denoise each answer with the diffusion decoder, in this many steps (3 is enough)."""
     workers: PositiveInt = 1
     """Bins to process at the same time, each in its own process; estimates take longer then."""
     export: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(default: poses are scored)")] = (
@@ -78,7 +78,7 @@ class PoseBenchmark(Config):
         if self.export is not None:
             export_bins(bins, self.export, Console())
             return 0
-        budget = PoseBudget(self.iterations, self.steps)
+        budget = PoseBudget(self.iterations, self.decoder)
         # Before any bin is made or file is written, so that a wrong name costs nothing.
         for estimator in self.estimators:
             make_source(estimator, get_part, self.hypotheses, budget)
@@ -91,7 +91,7 @@ class PoseBenchmark(Config):
             "workers": self.workers,
             "hypotheses_asked_for": self.hypotheses,
             "iterations_asked_for": self.iterations,
-            "steps_asked_for": self.steps,
+            "decoder_steps_asked_for": self.decoder,
         }
         store = None if self.out is None else PoseBenchmarkStore(self.out, settings, overwrite=self.overwrite)
         console = Console()

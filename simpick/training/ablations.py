@@ -111,7 +111,7 @@ def measure(ablation: Ablation, variant: Variant) -> dict[str, Any]:
     schedule = make_schedule(ablation.training_of(variant).schedule)
     common = dataclasses.replace(checkpoint.model.config, **COMMON_SPREAD)
     rows = {
-        kind: _validation(ablation, network).measure(checkpoint.model, schedule)
+        kind: _validation(ablation, network).measure_denoised(checkpoint.model, schedule)
         for kind, network in (("own", checkpoint.model.config), ("common", common))
     }
     return {"name": variant.name, "label": variant.label, "queries": checkpoint.card["queries"], **rows}
@@ -123,7 +123,7 @@ def measure_untrained(ablation: Ablation) -> dict[str, Any]:
     fields = {**COMMON_SPREAD, "matching": False, "flow": False, "relative_pose": True}
     network = dataclasses.replace(ablation.network, **fields)
     schedule = make_schedule(ablation.training.schedule)
-    figures = _validation(ablation, network).measure(RayPose(network), schedule)
+    figures = _validation(ablation, network).measure_denoised(RayPose(network), schedule)
     label = "no training: the templates' mean"
     return {"name": UNTRAINED, "label": label, "queries": 0, "own": figures, "common": figures}
 
@@ -135,9 +135,9 @@ def measure_steps(ablation: Ablation, variant: Variant) -> list[dict[str, Any]]:
     rows = []
     for steps in SAMPLING_STEPS:
         validation = _validation(ablation, checkpoint.model.config, steps)
-        validation.measure(checkpoint.model, schedule)  # The first pass through a network is slower.
+        validation.measure_denoised(checkpoint.model, schedule)  # The first pass through a network is slower.
         start = time.perf_counter()
-        figures = validation.measure(checkpoint.model, schedule)
+        figures = validation.measure_denoised(checkpoint.model, schedule)
         taken_ms = 1e3 * (time.perf_counter() - start) / validation.queries
         rows.append({"label": variant.label, "steps": steps, "ms_per_query": taken_ms, **figures})
     return rows

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
+from torch.nn import functional as F
 
 from simpick.estimators.raypose.diffusion.schedule import Schedule
 from simpick.estimators.raypose.diffusion.x0_parameterization import add_noise
@@ -14,7 +17,7 @@ from simpick.estimators.raypose.network.initial_poses import InitialPoses
 from simpick.estimators.raypose.network.matching import MIN_COVERAGE
 from simpick.estimators.raypose.network.model import RayPose
 from simpick.estimators.raypose.network.pose_maps import encode_pose_maps
-from simpick.estimators.raypose.network.tokens import TemplateTokens
+from simpick.estimators.raypose.network.tokens import QueryTokens, TemplateTokens
 from simpick.training.data.batches import TrainingBatch
 from simpick.training.data.flow_targets import flow_terms
 
@@ -25,7 +28,8 @@ def loss_terms(
     """Return the terms of the loss by the names of `LossWeights`; noise comes from `generator`, on the CPU."""
     config = model.config
     query = model.encode_query(batch.query)
-    templates = model.fuse(model.encode_templates(batch.templates)).for_queries(batch.sets)
+    encoded = model.encode_templates(batch.templates)
+    templates = model.fuse(encoded).for_queries(batch.sets)
     conditioning = model.condition(query, templates)
     target = encode_pose_maps(batch.truth, conditioning.reference, config.map_cells, config.padding)
     steps = torch.randint(len(schedule), (len(batch),), generator=generator)
@@ -35,14 +39,27 @@ def loss_terms(
     terms = losses.pose_map_losses(predicted, target, batch.truth, conditioning.reference, config.padding)
     if conditioning.initial is not None:
         terms |= _matching(model, batch, templates, conditioning.initial)
-    return terms
+    return terms | _encoding(model, batch, query, encoded)
 
 
 def matching_terms(model: RayPose, batch: TrainingBatch) -> dict[str, Float[Tensor, ""]]:
     """Return only the terms of matching and flow and of the poses solved from them, without fuser and decoder."""
     query = model.encode_query(batch.query)
-    templates = model.encode_templates(batch.templates).for_queries(batch.sets)
-    return _matching(model, batch, templates, model.initial_poses(query, templates))
+    encoded = model.encode_templates(batch.templates)
+    templates = encoded.for_queries(batch.sets)
+    terms = _matching(model, batch, templates, model.initial_poses(query, templates))
+    return terms | _encoding(model, batch, query, encoded)
+
+
+def _encoding(
+    model: RayPose, batch: TrainingBatch, query: QueryTokens, templates: TemplateTokens
+) -> dict[str, Float[Tensor, ""]]:
+    """Return the terms of embeddings and of visibility, which need no pose."""
+    logits = model.view_embedding.logits(query.embedding, templates.embedding.flatten(0, 1))
+    terms = {"view_embedding": losses.view_embedding(logits, batch.view_angles_rad)}
+    if model.visibility is not None:
+        terms["visibility"] = losses.visibility(query.visible, _at(batch.coverage, query.visible))
+    return terms
 
 
 def _matching(
@@ -68,3 +85,11 @@ def _matching(
         + losses.translation_xyz(maps[..., 3:], batch.truth, reference, config.padding),
     }
     return terms if initial.flow is None else terms | flow_terms(model, batch, initial.flow)
+
+
+def _at(coverage: Float[Tensor, "batch cells"], visible: Float[Tensor, "batch fine_cells"]) -> Tensor:
+    """Return the coverage on the grid that visibility is estimated on: that of the geometry, or a finer one."""
+    if coverage.shape == visible.shape:
+        return coverage
+    side = math.isqrt(coverage.shape[-1])
+    return F.interpolate(coverage.unflatten(-1, (1, side, side)), scale_factor=2).flatten(1)

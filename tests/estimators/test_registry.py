@@ -86,11 +86,13 @@ def test_hypotheses_are_asked_for_by_name_or_by_number() -> None:
 
 
 def test_a_budget_reaches_the_estimator_or_is_refused() -> None:
-    config = config_of(load_estimator("coarse", budget=PoseBudget(iterations=0, steps=7)))
+    config = config_of(load_estimator("coarse", budget=PoseBudget(iterations=0, decoder_steps=7)))
     assert isinstance(config, RayPoseEstimatorConfig)
-    assert (config.iterations, config.steps) == (0, 7)
-    with pytest.raises(ConfigError, match="iterations and steps are options of coarse and fine; 'retrieval' has none"):
-        load_estimator("retrieval", budget=PoseBudget(steps=2))
+    assert (config.iterations, config.decoder_steps) == (0, 7)
+    with pytest.raises(
+        ConfigError, match="iterations and decoder are options of coarse and fine; 'retrieval' has none"
+    ):
+        load_estimator("retrieval", budget=PoseBudget(decoder_steps=2))
 
 
 def test_another_packages_estimator_is_found_by_its_entry_point(registered: None) -> None:

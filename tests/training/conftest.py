@@ -17,6 +17,7 @@ TINY = DataConfig(
     cameras=4,
     count=(3, 4),
     mixed_share=0.0,
+    randomizations=("default", "strong"),
     diameter_px=(90.0, 120.0),
     image_width_px=320,
     image_height_px=240,

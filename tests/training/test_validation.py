@@ -24,7 +24,7 @@ NETWORK = replace(preset("tiny"), templates=3)
 def figures(shard: Shard, monkeypatch: pytest.MonkeyPatch, deg: float, depth_factor: float, right: int) -> dict:
     """Return what is measured where all views of the first `right` queries are so far off, the others by far more."""
     measured = Validation([shard], NETWORK, replace(TINY_TRAINING, validation_queries=len(shard)))
-    truth = measured._batches[0].truth
+    truth = measured._right[0].truth
     errors_deg = torch.full((len(shard), 1), 170.0)
     errors_deg[:right] = deg
     turn = so3_exp(torch.deg2rad(errors_deg)[..., None] * torch.tensor([0.0, 0.6, 0.8]))
@@ -33,7 +33,7 @@ def figures(shard: Shard, monkeypatch: pytest.MonkeyPatch, deg: float, depth_fac
         truth.centre.expand(-1, 3, -1),
         depth_factor * truth.half_extent_at_depth_m.expand(-1, 3),
     )
-    monkeypatch.setattr(validation, "sample_views", lambda *_: answer)
+    monkeypatch.setattr(validation, "consensus_pose", lambda _: answer.map(lambda x: x[:, 0]))
     return measured.measure(RayPose(NETWORK), make_schedule())
 
 
@@ -54,3 +54,15 @@ def test_the_same_network_measures_the_same_and_is_left_in_training(tiny_shard: 
     first, again = (Validation([tiny_shard], NETWORK, TINY_TRAINING).measure(model, make_schedule()) for _ in range(2))
     assert first == again and model.training
     assert np.isfinite(list(first.values())).all()
+    assert {"rotation_deg", "denoised_rotation_deg", "wrong_masks_rotation_deg", "view_deg"} <= first.keys()
+
+
+def test_the_chosen_view_is_compared_over_all_templates(tiny_shard: Shard, monkeypatch: pytest.MonkeyPatch) -> None:
+    measured = Validation([tiny_shard], NETWORK, TINY_TRAINING)
+    angles = measured._wrong[0].view_angles_rad
+    model = RayPose(NETWORK)
+    monkeypatch.setattr(model.view_embedding, "logits", lambda *_: -angles)
+    best = measured.measure(model, make_schedule())["view_deg"]
+    assert best == pytest.approx(float(np.median(np.degrees(angles.numpy().min(axis=1)))), abs=1e-3)
+    monkeypatch.setattr(model.view_embedding, "logits", lambda *_: angles)
+    assert measured.measure(model, make_schedule())["view_deg"] > best + 5

@@ -1,24 +1,41 @@
-"""Crops of a part's rendered views, turned and framed as a detection's crop is, with the geometry they show."""
+"""Crops of templates as the network takes them: image, mask, pose, and where each cell lies on the part."""
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 from torch.nn import functional as F
 
-from simpick.estimators.raypose.crops.virtual_recrops import aim_virtual_recrops, sample_virtual_recrops
+from simpick.estimators.raypose.crops.aimed_templates import AimedTemplates
+from simpick.estimators.raypose.crops.virtual_recrops import sample_virtual_recrops
 from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.network.pose_maps import ViewPoses
 from simpick.estimators.raypose.network.tokens import TemplateInputs
-from simpick.geometry import SymmetryGroup, invert, rotated_boxes, transform, transform_points
+from simpick.geometry import invert, transform, transform_points
 from simpick.rendering import TemplateSet
 from simpick.tensor_record import TensorRecord
+
+
+@dataclass(frozen=True, eq=False)
+class TemplateImages(TensorRecord):
+    """All views of a part as tensors, on the device where crops are sampled."""
+
+    rgb: UInt8[Tensor, "views 3 size size"]
+    masks: Bool[Tensor, "views size size"]
+    depth_m: Float[Tensor, "views size size"]
+    focal_px: float
+
+    @staticmethod
+    def of(templates: TemplateSet) -> TemplateImages:
+        """Return the images of a template set, on the CPU."""
+        rgb = torch.tensor(templates.rgb).permute(0, 3, 1, 2)
+        masks, depth_m = torch.tensor(templates.masks), torch.tensor(templates.depth_m)
+        return TemplateImages(rgb, masks, depth_m, templates.camera.fx)
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,17 +54,6 @@ class TemplateCrops(TensorRecord):
     def __len__(self) -> int:
         return len(self.half_tangent)
 
-    def nearest_to(self, T_crop_part: Float[np.ndarray, "4 4"], symmetries: SymmetryGroup) -> TemplateCrops:
-        """Return the same images with those of their equivalent poses that are rotated least against `T_crop_part`.
-
-        Then the templates of a symmetric part agree: the same place on it has about the same position in all of them.
-        """
-        if symmetries.is_trivial:
-            return self
-        Ts = symmetries.closest_equivalent(self.Ts_crop_part, T_crop_part)
-        points_m = move_points(self.points_m, self.coverage, invert(Ts) @ self.Ts_crop_part)
-        return dataclasses.replace(self, points_m=points_m, Ts_crop_part=Ts)
-
 
 def move_points(
     points: Float[Tensor, "views cells 3"],
@@ -59,55 +65,41 @@ def move_points(
     return torch.tensor(moved, dtype=torch.float32) * (coverage > 0)[..., None]
 
 
-def crop_templates(
-    templates: TemplateSet,
-    views: Int[np.ndarray, "n"],
-    angles_rad: Float[np.ndarray, "n"],
-    config: RayPoseConfig,
-    *,
-    shift: Float[np.ndarray, "n 2"] | None = None,
-    zoom: Float[np.ndarray, "n"] | None = None,
-) -> TemplateCrops:
-    """Return the given views turned clockwise by the angles, each framed by its silhouette's box.
-
-    `shift` moves each box by this share of its longer side and `zoom` enlarges it, as if the template's camera stood
-    elsewhere.
-    """
-    source, focal = templates.camera.width, np.full(len(views), templates.camera.fx)
-    boxes = rotated_boxes(templates.masks[views], angles_rad[:, None])[:, 0]
-    centre, size = (boxes[:, :2] + boxes[:, 2:]) / 2, boxes[:, 2:] - boxes[:, :2]
-    if shift is not None:
-        centre = centre + shift * size.max(axis=1, keepdims=True)
-    if zoom is not None:
-        size = size * zoom[:, None]
-    boxes = np.concatenate([centre - size / 2, centre + size / 2], axis=1)
-    recrops = aim_virtual_recrops(source, focal, angles_rad, boxes, config.crop_px, padding=config.padding)
-    rgb = torch.from_numpy(templates.rgb[views]).permute(0, 3, 1, 2).float() / 255
-    mask = torch.from_numpy(templates.masks[views])[:, None].float()
-    points_m = _points_in_part(templates, views) * mask
-    sampled = sample_virtual_recrops(torch.cat([rgb, mask], dim=1), focal, recrops)
-    geometry = sample_virtual_recrops(torch.cat([mask, points_m], dim=1), focal, recrops.halved())
+def crop_templates(images: TemplateImages, aimed: AimedTemplates, config: RayPoseConfig) -> TemplateCrops:
+    """Return what the cameras see, on the images' device."""
+    device = images.rgb.device
+    views = torch.from_numpy(aimed.views).to(device)
+    focal_px = np.full(len(views), images.focal_px)
+    mask = images.masks[views][:, None].float()
+    rgb = images.rgb[views].float() / 255
+    points_m = _points_in_part(images.depth_m[views], images.focal_px, aimed) * mask
+    sampled = sample_virtual_recrops(torch.cat([rgb, mask], dim=1), focal_px, aimed.recrops)
+    geometry = sample_virtual_recrops(torch.cat([mask, points_m], dim=1), focal_px, aimed.recrops.halved())
     cells = F.adaptive_avg_pool2d(geometry, config.geometry_cells).flatten(2).mT  # (n, cells, 4)
     coverage = cells[..., 0]
     mean = cells[..., 1:] / coverage.clamp_min(1e-6)[..., None] * (coverage > 1e-3)[..., None]
-    Ts_crop_part = transform(recrops.Rs_crop_source) @ templates.Ts_camera_part[views]
-    return TemplateCrops(sampled[:, :3], sampled[:, 3], mean, coverage, recrops.half_tangent, Ts_crop_part)
+    return TemplateCrops(sampled[:, :3], sampled[:, 3], mean, coverage, aimed.recrops.half_tangent, aimed.Ts_crop_part)
 
 
 def collate(sets: Sequence[TemplateCrops], diameters_m: Sequence[float]) -> TemplateInputs:
     """Return sets of equally many crops as one batch for the network."""
     crops = TemplateCrops.stack(sets)
-    diameter_m = torch.tensor(np.asarray(diameters_m), dtype=torch.float32)
-    half_tangent = torch.tensor(crops.half_tangent, dtype=torch.float32)
-    poses = ViewPoses.of(torch.tensor(crops.Ts_crop_part, dtype=torch.float32), half_tangent)
+    device = crops.rgb.device
+    diameter_m = torch.tensor(np.asarray(diameters_m), dtype=torch.float32, device=device)
+    half_tangent = torch.tensor(crops.half_tangent, dtype=torch.float32, device=device)
+    poses = ViewPoses.of(torch.tensor(crops.Ts_crop_part, dtype=torch.float32, device=device), half_tangent)
     points = crops.points_m / diameter_m[:, None, None, None]
     return TemplateInputs(crops.rgb, crops.masks, half_tangent, poses, points, crops.coverage, diameter_m)
 
 
-def _points_in_part(templates: TemplateSet, views: Int[np.ndarray, "n"]) -> Float[Tensor, "n 3 size size"]:
+def _points_in_part(
+    depth_m: Float[Tensor, "n size size"], focal_px: float, aimed: AimedTemplates
+) -> Float[Tensor, "n 3 size size"]:
     """Return the surface point of each pixel in the part's frame, in metres; meaningless outside the part."""
-    rays = torch.tensor(templates.camera.rays(), dtype=torch.float32)  # (size, size, 3)
-    depth_m = torch.from_numpy(templates.depth_m[views])
-    T_part_camera = torch.tensor(invert(templates.Ts_camera_part[views]), dtype=torch.float32)
-    points = torch.einsum("nij,yxj->niyx", T_part_camera[:, :3, :3], rays) * depth_m[:, None]
-    return points + T_part_camera[:, :3, 3, None, None]
+    size, device = depth_m.shape[-1], depth_m.device
+    axis = (torch.arange(size, device=device) + 0.5 - size / 2) / focal_px
+    y, x = torch.meshgrid(axis, axis, indexing="ij")
+    points = torch.stack([x, y, torch.ones_like(x)]) * depth_m[:, None]
+    T_part_source = invert(aimed.Ts_crop_part) @ transform(aimed.recrops.Rs_crop_source)
+    T = torch.tensor(T_part_source, dtype=torch.float32, device=device)
+    return torch.einsum("nij,njyx->niyx", T[:, :3, :3], points) + T[:, :3, 3, None, None]

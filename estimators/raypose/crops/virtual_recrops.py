@@ -14,13 +14,14 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from simpick.geometry import Pinhole, aim_virtual_cameras, so3_exp
+from simpick.tensor_record import TensorRecord
 
 # A camera whose pixels are thousandths of a tangent, so that boxes of any source camera can be expressed in it.
 _TANGENTS = Pinhole(4000, 4000, 1000.0, 1000.0, 2000.0, 2000.0)
 
 
 @dataclass(frozen=True, eq=False)
-class VirtualRecrops:
+class VirtualRecrops(TensorRecord):
     """Virtual cameras at the centres of source cameras."""
 
     size_px: int
@@ -75,10 +76,13 @@ def sample_virtual_recrops(
     K_crop_inverse[:, 0, 0] = K_crop_inverse[:, 1, 1] = 1 / recrops.focal_px
     K_crop_inverse[:, :2, 2] = -recrops.half_tangent[:, None]
     K_crop_inverse[:, 2, 2] = 1.0
-    H = torch.tensor(K_source @ np.swapaxes(recrops.Rs_crop_source, 1, 2) @ K_crop_inverse, dtype=torch.float32)
-    axis = torch.arange(size, dtype=torch.float32) + 0.5
+    device = images.device
+    H = torch.tensor(
+        K_source @ np.swapaxes(recrops.Rs_crop_source, 1, 2) @ K_crop_inverse, dtype=torch.float32, device=device
+    )
+    axis = torch.arange(size, dtype=torch.float32, device=device) + 0.5
     y, x = torch.meshgrid(axis, axis, indexing="ij")
     pixels = torch.stack([x, y, torch.ones_like(x)], dim=-1)
-    grid = torch.einsum("nij,yxj->nyxi", H, pixels).to(images.device)
+    grid = torch.einsum("nij,yxj->nyxi", H, pixels)
     grid = grid[..., :2] / grid[..., 2:]
     return F.grid_sample(images, grid, align_corners=False)

@@ -39,6 +39,12 @@ def coarser_geometry(
     return x[..., :3] / covered.clamp_min(1e-6)[..., None] * (covered > 1e-3)[..., None], covered
 
 
+def cell_means(values: Float[Tensor, "batch cells"]) -> Float[Tensor, "batch quarter"]:
+    """Return the means on a grid of half as many cells per side."""
+    side = math.isqrt(values.shape[-1])
+    return values.unflatten(-1, (side // 2, 2, side // 2, 2)).mean(dim=(-3, -1)).flatten(1)
+
+
 def cells_per_token(cells: Float[Tensor, "*batch cells channels"], tokens: int) -> Float[Tensor, "*batch tokens patch"]:
     """Return the channels of each token's cells, one cell after the other; `tokens` is the side of their grid."""
     stride = math.isqrt(cells.shape[-2]) // tokens

@@ -66,7 +66,7 @@ def initial_poses(
         return InitialPoses(matches, solved, None, solved)
     common = _consensus(solved)
     nearer = templates.flow.nearer_half(templates.poses.R, common.R[:, 0])
-    measured = flow(query.flow_descriptors, query.flow_coverage, nearer, query.half_tangent, common)
+    measured = flow(query.flow_descriptors, query.visible, nearer, query.half_tangent, common)
     views = solved.R.shape[1]
     poses = measured.pose.map(lambda x: x.expand(-1, views, *x.shape[2:]))
     return InitialPoses(matches, solved, measured, poses)

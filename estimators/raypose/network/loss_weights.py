@@ -25,6 +25,10 @@ class LossWeights(Config):
     """Cross entropy of the matches between query and template cells."""
     matched_points: NonNegativeFloat = 3.0
     """Distance of the matched points from the true ones."""
+    view_embedding: NonNegativeFloat = 0.3
+    """Cross entropy of the views that the query's embedding chooses."""
+    visibility: NonNegativeFloat = 1.0
+    """Cross entropy of the cells that are estimated to show the part."""
     first: NonNegativeFloat = 1.0
     """Error of the pose solved from the matches."""
     flow_matching: NonNegativeFloat = 0.3

@@ -83,6 +83,26 @@ def matched_points(
     return (error * query_valid).sum() / query_valid.sum().clamp_min(1)
 
 
+def visibility(predicted: Float[Tensor, "batch cells"], coverage: Float[Tensor, "batch cells"]) -> Float[Tensor, ""]:
+    """Return the cross-entropy of the estimated and the true visible share of each cell."""
+    p = predicted.float().clamp(1e-5, 1 - 1e-5)
+    return -(coverage * p.log() + (1 - coverage) * (1 - p).log()).mean()
+
+
+def view_embedding(
+    logits: Float[Tensor, "batch views"], angles_rad: Float[Tensor, "batch views"], *, sigma_rad: float = 0.2
+) -> Float[Tensor, ""]:
+    """Return the cross-entropy between the views that embeddings choose and those rotated little against the query.
+
+    Other parts' views are at infinite angles. Queries that no view is near to are left out.
+    """
+    target = (angles_rad.square() / (-2 * sigma_rad**2)).exp()
+    seen = target.amax(dim=-1) > 0.1
+    target = target / target.sum(dim=-1, keepdim=True).clamp_min(1e-9)
+    entropy = -(target * logits.log_softmax(dim=-1)).sum(dim=-1)
+    return (entropy * seen).sum() / seen.sum().clamp_min(1)
+
+
 def flow_matching(
     log_probabilities: Float[Tensor, "batch cells offsets"],
     offsets: Float[Tensor, "offsets 2"],

@@ -8,15 +8,21 @@ from dataclasses import dataclass
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
-from torch.nn import functional as F
 
-from simpick.estimators.raypose.network.cell_geometry import cells_per_token, coarser_geometry, coverage_and_centroids
+from simpick.estimators.raypose.network.cell_geometry import (
+    cell_means,
+    cells_per_token,
+    coarser_geometry,
+    coverage_and_centroids,
+)
 from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.network.decoder import Decoder
 from simpick.estimators.raypose.network.encoders.convolutional_encoder import ConvolutionalEncoder
 from simpick.estimators.raypose.network.encoders.feature_maps import FeatureMaps
 from simpick.estimators.raypose.network.encoders.image_encoder import make_image_encoder
+from simpick.estimators.raypose.network.encoders.view_embedding import ViewEmbedding
 from simpick.estimators.raypose.network.encoders.view_encoder import ViewEncoder
+from simpick.estimators.raypose.network.encoders.visibility import VisibilityHead
 from simpick.estimators.raypose.network.flow import FlowCells, TemplateFlow
 from simpick.estimators.raypose.network.initial_poses import InitialPoses, initial_poses
 from simpick.estimators.raypose.network.layers import KeysValues, SelfAttentionBlock, mlp
@@ -51,8 +57,9 @@ class Conditioning(TensorRecord):
 class RayPose(nn.Module):
     """Query encoder, template encoder with multiview fuser, and diffusion transformer decoder (paper, fig. 2).
 
-    Departures from the paper: a small image encoder that is trained too, matching and flow before the decoder, geometry
-    of templates beside their poses, and plain transformer blocks in the fuser.
+    Departures from the paper: a small image encoder that is trained too, masks that may be wrong instead of cut-outs,
+    matching and flow before the decoder, geometry of templates beside their poses, and plain transformer blocks in the
+    fuser.
     """
 
     def __init__(self, config: RayPoseConfig) -> None:
@@ -69,6 +76,8 @@ class RayPose(nn.Module):
         self.fuser = nn.Sequential(*(SelfAttentionBlock(width, config.heads) for _ in range(config.fuser_blocks)))
         self.matcher = Matcher(config.local_width, config.match_width)
         fine_width = self.image_encoder.fine_width if isinstance(self.image_encoder, ConvolutionalEncoder) else 0
+        self.view_embedding = ViewEmbedding(config.local_width)
+        self.visibility = VisibilityHead(fine_width, config.local_width) if fine_width else None
         self.flow = TemplateFlow(config, fine_width) if config.flow else None
         self.embed_matches = nn.Sequential(nn.Linear(patch * FEATURES, width), mlp(width, 2))
         self.decoder = Decoder(config)
@@ -82,8 +91,10 @@ class RayPose(nn.Module):
         """Return a query's tokens and descriptors: of image and box only, since its pose is unknown."""
         features = self.image_encoder(inputs.rgb, inputs.masks)
         coverage, centroids = coverage_and_centroids(inputs.masks, self.config.local_cells)
-        # Each flow cell is a whole number of pixels wide.
-        flow_coverage = F.avg_pool2d(inputs.masks, self.config.crop_px // self.config.flow_cells).flatten(1)
+        visible = coverage[:, :0]
+        if self.visibility is not None and features.fine is not None:
+            visible = self.visibility(features.fine, features.coarse, inputs.masks)
+            coverage = cell_means(visible)
         return QueryTokens(
             self._image_tokens(features.coarse) + self.view_encoder.encode_box(inputs.half_tangent),
             self.matcher.describe(features.coarse),
@@ -91,7 +102,8 @@ class RayPose(nn.Module):
             centroids,
             inputs.half_tangent,
             self._flow_descriptors(features),
-            flow_coverage if self.flow else flow_coverage[:, :0],
+            visible,
+            self.view_embedding(features.coarse),
         )
 
     def encode_templates(self, inputs: TemplateInputs) -> TemplateTokens:
@@ -116,7 +128,14 @@ class RayPose(nn.Module):
             inputs.poses,
             inputs.diameter_m[:, None].expand(-1, views),
             fine,
+            self.view_embedding(features.coarse).unflatten(0, (batch, views)),
         )
+
+    def embed_views(
+        self, rgb: Float[Tensor, "views 3 size size"], masks: Float[Tensor, "views size size"]
+    ) -> Float[Tensor, "views embedding"]:
+        """Return only the embeddings of crops of templates, as `encode_templates` gives them with the rest."""
+        return self.view_embedding(self.image_encoder(rgb, masks).coarse)
 
     def fuse(self, templates: TemplateTokens) -> TemplateTokens:
         """Return the templates with view embeddings added and fused over all views (E_V and E_F of the paper).

@@ -53,6 +53,8 @@ class TemplateTokens(TensorRecord):
     diameter_m: Float[Tensor, "batch views"]
     flow: FlowCells
     """The fine level; without cells if the network measures no flow."""
+    embedding: Float[Tensor, "batch views embedding"]
+    """See `ViewEmbedding`."""
     keys_values: tuple[KeysValues, ...] = ()
     """Of each decoder block, once fused: (batch, groups, heads, tokens, width / heads). All views are one group, or
     without multiview each view is its own."""
@@ -70,9 +72,13 @@ class QueryTokens(TensorRecord):
     tokens: Float[Tensor, "batch tokens width"]
     descriptors: Float[Tensor, "batch cells match_width"]
     coverage: Float[Tensor, "batch cells"]
+    """Estimated share of each cell that shows the part; without a fine level that of the mask."""
     pixel_centroids: Float[Tensor, "batch cells 2"]
     """Centroid of each cell's masked pixels, in half crop sides: matched points are means over these pixels."""
     half_tangent: Float[Tensor, "batch"]
     flow_descriptors: Float[Tensor, "batch flow_cells flow_width"]
     """On the fine level; without cells if the network measures no flow."""
-    flow_coverage: Float[Tensor, "batch flow_cells"]
+    visible: Float[Tensor, "batch fine_cells"]
+    """Estimated share of each cell of the fine level that shows the part; no cells if the encoder has no such level."""
+    embedding: Float[Tensor, "batch embedding"]
+    """See `ViewEmbedding`."""

@@ -10,6 +10,7 @@ from annotated_types import Interval, MinLen
 from simpick.config import Config, Fraction, NonNegativeInt, PositiveInt
 from simpick.errors import ConfigError, UnknownNameError
 from simpick.rendering import TemplateConfig
+from simpick.rendering.camera_effects import CameraEffects
 from simpick.scene.config import MAX_PARTS
 from simpick.scene.randomization import RANDOMIZATIONS
 
@@ -57,12 +58,16 @@ class DataConfig(Config):
     """Largest width of a rendered image."""
     image_height_px: Annotated[int, Interval(ge=64, le=4096)] = 420
     """Largest height of a rendered image."""
-    randomizations: Annotated[tuple[str, ...], MinLen(1)] = ("default", "strong")
+    randomizations: Annotated[tuple[str, ...], MinLen(1)] = ("default", "strong", "photo")
     """Presets of lights, colours and textures; each view draws one of them."""
-    crop_px: Annotated[int, Interval(ge=16, le=1024)] = 160
+    effects_share: Fraction = 0.6
+    """Share of views that get camera effects; the others are as MuJoCo renders them."""
+    effects: CameraEffects = field(default_factory=CameraEffects)
+    """How strong the camera effects are."""
+    crop_px: Annotated[int, Interval(ge=16, le=1024)] = 192
     """Side of the stored crop of a query."""
-    crop_padding: Annotated[float, Interval(ge=1, le=4)] = 1.6
-    """Side of that crop over the longer side of the visible part's box; room for augmentation."""
+    crop_padding: Annotated[float, Interval(ge=1, le=4)] = 2.0
+    """Side of that crop over the longer side of the visible part's box; room for wrong masks."""
     min_visible_fraction: Fraction = 0.25
     """Instances of which a smaller share is visible are not queries."""
     min_visible_px: PositiveInt = 80

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,11 @@ from simpick.rendering import TemplateSet
 from simpick.rendering.templates import depth_from_steps, steps_from_depth
 
 _FORMAT = "simpick-shard"
-_VERSION = 1
+_VERSION = 2
 _HEADER = "header.json"
+
+OWN = 1
+"""Label of the pixels that show a query's own instance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +36,8 @@ class Shard:
     templates: TemplateSet
     rgb: UInt8[np.ndarray, "queries size size 3"]
     """Crops by virtual cameras, see `simpick.geometry.crops`; black outside the rendered image."""
-    masks: Bool[np.ndarray, "queries size size"]
-    """The visible part of each query's own instance."""
+    labels: UInt8[np.ndarray, "queries size size"]
+    """Which instance each pixel shows: 1 is the query's own, higher numbers are its neighbours, 0 is the background."""
     relief_m: Float16[np.ndarray, "queries size size"]
     """Depth of the surface minus that of the part's origin, along the crop's axis; 0 outside the mask."""
     focal_px: Float[np.ndarray, "queries"]
@@ -51,6 +55,11 @@ class Shard:
 
     def __len__(self) -> int:
         return len(self.rgb)
+
+    @cached_property
+    def masks(self) -> Bool[np.ndarray, "queries size size"]:
+        """Return the visible part of each query's own instance."""
+        return self.labels == OWN
 
     @property
     def crop_px(self) -> int:
@@ -72,8 +81,7 @@ class Shard:
         steps = steps_from_depth(templates.depth_m, templates.Ts_camera_part, camera)
         continuous = [[*symmetry.axis, *symmetry.offset_m] for symmetry in self.symmetries.continuous]
         arrays = {
-            **{name: getattr(self, name) for name in _QUERY_ARRAYS if name != "masks"},
-            "masks": np.packbits(self.masks.reshape(len(self), -1), axis=-1),
+            **{name: getattr(self, name) for name in _QUERY_ARRAYS},
             "symmetries_discrete": self.symmetries.discrete,
             "symmetries_continuous": np.array(continuous, float).reshape(-1, 6),
             "template_Ts_camera_part": templates.Ts_camera_part,
@@ -116,7 +124,7 @@ class Shard:
 
 _QUERY_ARRAYS = (
     "rgb",
-    "masks",
+    "labels",
     "relief_m",
     "focal_px",
     "Ts_crop_part",
@@ -146,8 +154,6 @@ def _from_arrays(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> Shard
     depth_m = depth_from_steps(arrays["template_depth_steps"], Ts_camera_part, camera)
     templates = TemplateSet(header["part"], camera, Ts_camera_part, arrays["template_rgb"], depth_m)
     continuous = tuple(ContinuousSymmetry.of(row[:3], row[3:]) for row in arrays["symmetries_continuous"])
-    shape = arrays["rgb"].shape[:3]
-    bits = np.unpackbits(arrays["masks"], axis=-1, count=shape[1] * shape[2])
-    query_arrays = {**{name: arrays[name] for name in _QUERY_ARRAYS}, "masks": bits.reshape(shape).astype(bool)}
+    query_arrays = {name: arrays[name] for name in _QUERY_ARRAYS}
     symmetries = SymmetryGroup(arrays["symmetries_discrete"], continuous)
     return Shard(header["part"], float(header["diameter_m"]), symmetries, templates, **query_arrays)

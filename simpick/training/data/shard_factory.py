@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Float16, Float32, UInt8
+from jaxtyping import Float, Float16, Float32, Int, UInt8
 
 from simpick.assets.part import Part
 from simpick.assets.random_parts import random_part
@@ -14,14 +14,15 @@ from simpick.errors import ConfigError
 from simpick.geometry import CropBatch, Pinhole, crop_images, invert
 from simpick.geometry.image_boxes import box_of_mask
 from simpick.rendering import SceneRenderer, Viewpoint, Visibility, measure_instance, render_templates
+from simpick.rendering.camera_effects import apply_camera_effects
 from simpick.scene import Scene
 from simpick.scene.relighting import relight
 from simpick.training.data.bin_views import draw_view_look, draw_viewpoint
 from simpick.training.data.data_config import DataConfig, Split
 from simpick.training.data.random_bins import random_bin, random_part_seed
-from simpick.training.data.shard import Shard
+from simpick.training.data.shard import OWN, Shard
 
-VERSION = 1
+VERSION = 2
 """To be raised when the same configuration gives other shards."""
 _BINS = 5
 
@@ -29,7 +30,7 @@ _BINS = 5
 @dataclass(frozen=True, eq=False)
 class _Query:
     rgb: UInt8[np.ndarray, "size size 3"]
-    mask: Bool[np.ndarray, "size size"]
+    labels: UInt8[np.ndarray, "size size"]
     relief: Float16[np.ndarray, "size size"]
     focal_px: float
     T_crop_part: Float[np.ndarray, "4 4"]
@@ -68,7 +69,7 @@ def make_shard(config: DataConfig, index: int, *, split: Split) -> Shard:
         symmetries=part.symmetries,
         templates=templates,
         rgb=np.stack([q.rgb for q in queries]),
-        masks=np.stack([q.mask for q in queries]),
+        labels=np.stack([q.labels for q in queries]),
         relief_m=np.stack([q.relief for q in queries]),
         focal_px=np.array([q.focal_px for q in queries]),
         Ts_crop_part=np.stack([q.T_crop_part for q in queries]),
@@ -131,13 +132,17 @@ def _queries_of_view(
             fractions[k] = measured.fraction
     masks = [frame.instances == k for k in fractions]
     boxes = np.array([box_of_mask(mask) for mask in masks]).reshape(-1, 4)
-    crops = crop_images(frame.rgb, frame.camera, boxes, config.crop_px, masks=masks, padding=config.crop_padding)
+    rgb = frame.rgb
+    effects_rng = rng.spawn(1)[0]
+    if effects_rng.random() < config.effects_share:
+        rgb = apply_camera_effects(rgb, config.effects, effects_rng)
+    crops = crop_images(rgb, frame.camera, boxes, config.crop_px, masks=masks, padding=config.crop_padding)
     assert crops.masks is not None
     Ts_crop_world = crops.cameras.Ts_crop_camera @ invert(frame.T_world_camera)
     return [
         _Query(
             rgb=crops.rgb[row],
-            mask=crops.masks[row],
+            labels=_labels(frame.instances, k, frame.camera, crops, row),
             relief=_relief(frame.depth_m, frame.camera, crops, row, Ts_crop_world[row] @ scene.T_world_part(k)),
             focal_px=float(crops.cameras.focal_px[row]),
             T_crop_part=Ts_crop_world[row] @ scene.T_world_part(k),
@@ -150,6 +155,33 @@ def _queries_of_view(
     ]
 
 
+def _labels(
+    instances: Int[np.ndarray, "height width"], own: int, camera: Pinhole, crops: CropBatch, row: int
+) -> UInt8[np.ndarray, "size size"]:
+    """Return the labels of a crop, see `Shard.labels`."""
+    assert crops.masks is not None
+    size = crops.cameras.size_px
+    nearest = cv2.warpPerspective(
+        instances.astype(np.float32),
+        _to_crop(camera, crops, row),
+        (size, size),
+        flags=cv2.INTER_NEAREST,
+        borderValue=(-1,),
+    ).astype(np.int64)
+    others = np.unique(nearest[(nearest >= 0) & (nearest != own)])
+    labels = np.zeros((size, size), np.uint8)
+    for number, instance in enumerate(others[: 255 - OWN - 1], start=OWN + 1):
+        labels[nearest == instance] = number
+    labels[crops.masks[row]] = OWN
+    return labels
+
+
+def _to_crop(camera: Pinhole, crops: CropBatch, row: int) -> Float[np.ndarray, "3 3"]:
+    """Return the homography to a crop's pixels for OpenCV, which has pixel centres at integers."""
+    to_corners = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5], [0.0, 0.0, 1.0]])
+    return np.linalg.inv(to_corners) @ crops.cameras.homographies(camera)[row] @ to_corners
+
+
 def _relief(
     depth_m: Float32[np.ndarray, "height width"],
     camera: Pinhole,
@@ -158,11 +190,8 @@ def _relief(
     T_crop_part: Float[np.ndarray, "4 4"],
 ) -> Float16[np.ndarray, "size size"]:
     """Return the depth of the nearest source pixel's surface minus that of the part's origin, along the crop's axis."""
-    H = crops.cameras.homographies(camera)[row]
-    # OpenCV has pixel centres at integers.
-    to_corners = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5], [0.0, 0.0, 1.0]])
     size = crops.cameras.size_px
-    z = cv2.warpPerspective(depth_m, np.linalg.inv(to_corners) @ H @ to_corners, (size, size), flags=cv2.INTER_NEAREST)
+    z = cv2.warpPerspective(depth_m, _to_crop(camera, crops, row), (size, size), flags=cv2.INTER_NEAREST)
     # Depth is measured along the source camera's axis, where a crop's ray of depth 1 has this depth.
     rays = crops.cameras.pinhole(row).rays() @ crops.cameras.Rs_crop_camera[row][:, 2]
     return np.where(crops.masks[row], z / rays - T_crop_part[2, 3], 0).astype(np.float16)  # pyright: ignore

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import threading
 import time
 from concurrent.futures import Future
 from functools import partial
@@ -69,6 +70,7 @@ class ShardStream(Closing):
         # One thread each: the other cores are for training. Staggered, because each first shard starts a renderer.
         self._pool = WorkerPool(workers, limits, threads=1, staggered=True) if workers else None
         self._calls: dict[int, Future[object]] = {}
+        self._aiming = threading.Lock()
         self._aim(start)
 
     def path(self, index: int) -> Path:
@@ -123,12 +125,19 @@ class ShardStream(Closing):
         if self._pool is None:
             self._write(index)
         else:
-            self._calls[index].result()
+            with self._aiming:
+                call = self._calls[index]
+            call.result()
 
     def _aim(self, index: int) -> None:
         """Submit the missing shards from this index to the workers."""
         if self._pool is None:
             return
+        with self._aiming:
+            self._submit_from(index)
+
+    def _submit_from(self, index: int) -> None:
+        assert self._pool is not None
         wanted = range(index, index + 1 + self.prefetch)
         for k in self._calls.keys() - wanted:
             self._calls.pop(k).cancel()

@@ -95,31 +95,11 @@ def test_foreign_weights(tmp_path: Path) -> None:
     assert error_of(path).endswith("but its format is 'pt'")
 
 
-def test_names_of_version_2_are_translated(saved: Path) -> None:
-    state = load_checkpoint(saved).model.state_dict()
-    with safe_open(saved, "pt") as file:
-        header, tensors = file.metadata(), {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    for old, new in (
-        (".modulation.", ".adaLN_modulation.1."),
-        (".modulation_out.", ".adaLN_modulation.1."),
-        (".from_narrow.", ".from_fine."),
-        (".from_wide.", ".from_coarse."),
-    ):
-        blocks = old == ".modulation."
-        tensors = {
-            name.replace(new, old) if ("blocks" in name) == blocks else name: tensor for name, tensor in tensors.items()
-        }
-    assert {"decoder.modulation_out.bias", "decoder.blocks.0.modulation.bias", "flow.from_wide.bias"} <= tensors.keys()
-    save_file(tensors, saved, header | {"version": "2"})
-    again = load_checkpoint(saved).model.state_dict()
-    assert all(torch.equal(tensor, state[name]) for name, tensor in again.items())
-
-
 def test_another_version(saved: Path) -> None:
     rewritten(saved, header={"version": "7"})
-    assert error_of(saved) == f"{saved} must be of version 3, got '7'; use the simpick that wrote it"
+    assert error_of(saved) == f"{saved} must be of version 4, got '7'; use the simpick that wrote it"
     rewritten(saved, header={"version": None})
-    assert error_of(saved) == f"{saved} must be of version 3, got None; use the simpick that wrote it"
+    assert error_of(saved) == f"{saved} must be of version 4, got None; use the simpick that wrote it"
 
 
 @pytest.mark.parametrize(

@@ -209,9 +209,11 @@ def test_weights_of_the_other_mode_are_refused(tmp_path):
 
 
 def test_settings_out_of_range_are_refused():
-    for name in ("turns", "tried", "steps", "hypotheses", "min_mask_px"):
+    for name in ("turns", "tried", "hypotheses", "min_mask_px"):
         with pytest.raises(ConfigError, match=f"{name} must be (at least 1|between 1 and 64), got 0"):
             RayPoseEstimatorConfig(**{name: 0})
+    with pytest.raises(ConfigError, match="a fine network needs starts or views to follow, got 0 of both"):
+        RayPoseEstimatorConfig(starts=0, views=0)
     with pytest.raises(ConfigError, match="iterations must be at least 0, got -1"):
         RayPoseEstimatorConfig(iterations=-1)
     with pytest.raises(ConfigError, match="a fine network needs 1 iteration or more, got 0"):

@@ -24,7 +24,15 @@ NETWORK = preset("tiny")
 
 @pytest.fixture
 def batch(shard: Shard) -> TrainingBatch:
-    plain = AugmentationConfig(box_jitter=0.0, ragged_share=0.0, hidden_share=0.0, brightness=0.0)
+    plain = AugmentationConfig(
+        box_jitter=0.0,
+        box_share=0.0,
+        merged_share=0.0,
+        hidden_share=0.0,
+        hole_share=0.0,
+        ragged_share=0.0,
+        brightness=0.0,
+    )
     rows = np.arange(min(8, len(shard)))
     return make_batch([shard], [rows], NETWORK, np.random.default_rng(0), augmentation=plain)
 

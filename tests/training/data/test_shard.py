@@ -17,7 +17,7 @@ pytestmark = pytest.mark.render
 
 
 def assert_equal(a: Shard, b: Shard) -> None:
-    for name in ("rgb", "masks", "focal_px", "Ts_crop_part", "visible_fractions", "source_side_px", "views"):
+    for name in ("rgb", "labels", "masks", "focal_px", "Ts_crop_part", "visible_fractions", "source_side_px", "views"):
         assert np.array_equal(getattr(a, name), getattr(b, name)), name
     assert (a.part, a.diameter_m) == (b.part, b.diameter_m)
     assert np.array_equal(a.symmetries.discrete, b.symmetries.discrete)
@@ -76,7 +76,7 @@ def test_a_foreign_file_and_another_version_are_distinguished(tiny_shard: Shard,
     path = tmp_path / "a.shard"
     for header, text in [
         ({"format": "other"}, "must be a shard of training data, has another format"),
-        ({"format": "simpick-shard", "version": 99}, r"of version 1, got 99: another version of simpick wrote it"),
+        ({"format": "simpick-shard", "version": 99}, r"of version 2, got 99: another version of simpick wrote it"),
     ]:
         with zipfile.ZipFile(path, "w") as file:
             file.writestr("header.json", json.dumps(header))

@@ -36,6 +36,6 @@ def test_the_spread_in_metres_moves_and_scales_the_frames(tiny_shard: Shard) -> 
     # The same views and turns; only their frames differ.
     covered = [templates.masks.mean(dim=(-2, -1)) for templates in (none, much)]
     scale = much.half_tangent / none.half_tangent
-    assert 0.7 < scale.min() < 0.95 < 1.05 < scale.max() < 1.4
+    assert 0.65 < scale.min() < 0.95 < 1.05 < scale.max() < 1.4
     assert (much.poses.centre - none.poses.centre).abs().max() > 0.1
     assert (covered[0] - covered[1]).abs().max() > 0.02

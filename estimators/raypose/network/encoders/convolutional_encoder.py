@@ -13,30 +13,38 @@ from torch.nn import functional as F
 from simpick.estimators.raypose.network.encoders.feature_maps import FeatureMaps
 from simpick.rendering.luminance import LUMINANCE
 
-CHANNELS = 5
+CHANNELS = 9
 """Of `orientation_channels`."""
+_BRIGHTEST = 4.0
+"""Of the surroundings, in standard deviations of the part's brightness."""
 
 
 def orientation_channels(
     rgb: Float[Tensor, "batch 3 size size"], masks: Float[Tensor, "batch size size"]
-) -> Float[Tensor, "batch 5 size size"]:
-    """Return brightness, double-angle gradient direction (2), gradient magnitude and mask.
+) -> Float[Tensor, "batch 9 size size"]:
+    """Return the mask (fifth), and with and without surroundings brightness, gradient direction (2) and magnitude.
 
-    Brightness is normalised over the mask, and everything outside it is black, as it is around a template. Doubled
-    angles do not distinguish dark-to-light edges from light-to-dark ones, since that depends on the lights.
+    Brightness is normalised over the mask. The first four channels are black outside of it, as around a template; the
+    last four show everything, because the mask can be wrong. Directions are doubled angles, which do not distinguish
+    dark-to-light edges from light-to-dark ones, since that depends on the lights.
     """
     mask = masks[:, None]
     gray = torch.einsum("bcyx,c->byx", rgb, rgb.new_tensor(LUMINANCE))[:, None]
     area = mask.sum(dim=(2, 3), keepdim=True).clamp_min(1.0)
     mean = (gray * mask).sum(dim=(2, 3), keepdim=True) / area
     variance = ((gray - mean).square() * mask).sum(dim=(2, 3), keepdim=True) / area
-    gray = (gray - mean) / (variance + 1e-3).sqrt() * mask
+    gray = (gray - mean) / (variance + 1e-3).sqrt()
+    everything = gray.clamp(-_BRIGHTEST, _BRIGHTEST)
+    return torch.cat([*_with_gradients(gray * mask), mask, *_with_gradients(everything)], dim=1)
+
+
+def _with_gradients(gray: Float[Tensor, "batch 1 size size"]) -> tuple[Tensor, Tensor, Tensor]:
     padded = F.pad(gray, (1, 1, 1, 1), mode="replicate")
     gx = (padded[..., 1:-1, 2:] - padded[..., 1:-1, :-2]) / 2
     gy = (padded[..., 2:, 1:-1] - padded[..., :-2, 1:-1]) / 2
     magnitude = (gx.square() + gy.square() + 1e-6).sqrt()
     double = torch.cat([(gx.square() - gy.square()) / magnitude, 2 * gx * gy / magnitude], dim=1)
-    return torch.cat([gray, double, magnitude, mask], dim=1)
+    return gray, double, magnitude
 
 
 class ResidualBlock(nn.Module):
@@ -72,6 +80,6 @@ class ConvolutionalEncoder(nn.Module):
 
     def forward(self, rgb: Float[Tensor, "batch 3 size size"], masks: Float[Tensor, "batch size size"]) -> FeatureMaps:
         """Return one feature vector per 8 x 8 pixels and one per 4 x 4; RGB in [0, 1]."""
-        x = orientation_channels(rgb, masks)  # (batch, 5, size, size)
+        x = orientation_channels(rgb, masks)  # (batch, 9, size, size)
         fine = self.blocks[0](F.relu(self.stem(x)))  # (batch, fine width, size / 4, size / 4)
         return FeatureMaps(self.blocks[1:](fine), fine)  # coarse: (batch, width, size / 8, size / 8)

@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from simpick.errors import ConfigError
-from simpick.estimators.raypose.crops.template_crops import TemplateCrops, collate, crop_templates
+from simpick.estimators.raypose.crops.aimed_templates import aim_at_templates
+from simpick.estimators.raypose.crops.template_crops import TemplateCrops, TemplateImages, collate, crop_templates
 from simpick.estimators.raypose.crops.virtual_recrops import aim_virtual_recrops, sample_virtual_recrops
 from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.geometry import Pinhole, SymmetryGroup, rotation_angle, so3_exp, transform, transform_points
@@ -21,7 +22,7 @@ ANGLES = np.array([0.0, 0.7, -2.0, 3.0])
 
 @pytest.fixture(scope="module")
 def crops(templates: TemplateSet) -> TemplateCrops:
-    return crop_templates(templates, VIEWS, ANGLES, CONFIG)
+    return crop_templates(TemplateImages.of(templates), aim_at_templates(templates, VIEWS, ANGLES, CONFIG), CONFIG)
 
 
 def test_a_recrop_sees_directions_where_its_camera_says() -> None:
@@ -131,7 +132,8 @@ def test_silhouettes_fill_the_padded_box(crops: TemplateCrops) -> None:
 @pytest.mark.render
 def test_shift_and_zoom_move_the_frame(templates: TemplateSet, crops: TemplateCrops) -> None:
     shift, zoom = np.tile([0.1, -0.05], (4, 1)), np.full(4, 1.25)
-    moved = crop_templates(templates, VIEWS, ANGLES, CONFIG, shift=shift, zoom=zoom)
+    aimed = aim_at_templates(templates, VIEWS, ANGLES, CONFIG, shift=shift, zoom=zoom)
+    moved = crop_templates(TemplateImages.of(templates), aimed, CONFIG)
     np.testing.assert_allclose(moved.half_tangent / crops.half_tangent, 1.25, rtol=0.01)
     for k in range(4):
         before, after = (
@@ -142,24 +144,25 @@ def test_shift_and_zoom_move_the_frame(templates: TemplateSet, crops: TemplateCr
 
 
 @pytest.mark.render
-def test_equivalent_poses_nearest_to_a_pose_agree(crops: TemplateCrops) -> None:
+def test_equivalent_poses_nearest_to_a_pose_agree(templates: TemplateSet, crops: TemplateCrops) -> None:
     # Of order 3, where an element and its inverse differ.
     group = SymmetryGroup.cyclic(3)
     T_query = crops.Ts_crop_part[0] @ transform(so3_exp(np.array([0.0, 0.0, 2 * np.pi / 3 + 0.2])))
-    near = crops.nearest_to(T_query, group)
+    aimed = aim_at_templates(templates, VIEWS, ANGLES, CONFIG)
+    near = crop_templates(TemplateImages.of(templates), aimed.nearest_to(T_query, group), CONFIG)
     Rs, old = near.Ts_crop_part[:, :3, :3], crops.Ts_crop_part[:, :3, :3]
     distance = rotation_angle(np.swapaxes(Rs, -1, -2) @ T_query[:3, :3])
     np.testing.assert_allclose(distance, group.rotation_distance(old, T_query[:3, :3]), atol=1e-6)
     assert (rotation_angle(np.swapaxes(old, -1, -2) @ T_query[:3, :3]) > distance + 0.1).any()
     # Images stay, and so does where each point is seen.
-    assert near.rgb is crops.rgb
+    assert torch.equal(near.rgb, crops.rgb)
     for k in range(len(crops)):
         covered = (crops.coverage[k] > 0).numpy()
         before = transform_points(crops.Ts_crop_part[k], crops.points_m[k].double().numpy()[covered])
         after = transform_points(near.Ts_crop_part[k], near.points_m[k].double().numpy()[covered])
         np.testing.assert_allclose(after, before, atol=1e-6)
         assert (near.points_m[k][~torch.from_numpy(covered)] == 0).all()
-    assert crops.nearest_to(T_query, SymmetryGroup()) is crops
+    assert aimed.nearest_to(T_query, SymmetryGroup()) is aimed
 
 
 @pytest.mark.render

@@ -104,7 +104,7 @@ def test_fourier_features_have_the_frequencies_that_they_say() -> None:
     assert torch.equal(fourier_features(x, 0), x)
 
 
-def test_orientation_channels_see_edges_and_not_brightness_or_surroundings() -> None:
+def test_orientation_channels_see_edges_and_not_brightness() -> None:
     masks = torch.zeros(1, 16, 16)
     masks[:, 3:13, 3:13] = 1
     rgb = torch.zeros(1, 3, 16, 16)
@@ -116,7 +116,11 @@ def test_orientation_channels_see_edges_and_not_brightness_or_surroundings() -> 
     assert middle[3] > 0.5
     torch.testing.assert_close(middle[1:3], torch.stack([middle[3], torch.tensor(0.0)]), rtol=1e-3, atol=1e-5)
     elsewhere = torch.where(masks[:, None] > 0, rgb, torch.rand(rgb.shape, generator=torch.Generator().manual_seed(0)))
-    torch.testing.assert_close(orientation_channels(elsewhere, masks), channels)
+    # Surroundings change the last four channels only, and those within the mask only along its border.
+    changed = orientation_channels(elsewhere, masks)
+    torch.testing.assert_close(changed[:, :5], channels[:, :5])
+    assert (changed[:, 5:] - channels[:, 5:]).abs().amax() > 0.5
+    torch.testing.assert_close(changed[:, 5:, 4:12, 4:12], channels[:, 5:, 4:12, 4:12])
     # From light to dark instead of dark to light, by as much: the doubled angle stays.
     torch.testing.assert_close(orientation_channels(0.8 - rgb, masks)[0, 1:3, 4:12, 8], channels[0, 1:3, 4:12, 8])
 

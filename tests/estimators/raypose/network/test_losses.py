@@ -112,6 +112,25 @@ def test_matching_leaves_out_what_no_template_shows_and_what_is_no_part() -> Non
     assert losses.matching(log_p, places, ~every, places, every).item() == 0
 
 
+def test_visibility_costs_nothing_where_it_is_right_and_much_where_it_is_wrong() -> None:
+    coverage = torch.tensor([[1.0, 0.0]])
+    assert losses.visibility(coverage, coverage).item() == pytest.approx(0, abs=1e-4)
+    assert losses.visibility(1 - coverage, coverage).item() > 5
+    assert losses.visibility(torch.tensor([[0.5, 0.5]]), coverage).item() == pytest.approx(math.log(2), rel=1e-4)
+
+
+def test_view_embeddings_are_to_choose_near_views_of_the_own_part() -> None:
+    angles = torch.tensor([[0.0, 1.5, torch.inf], [torch.inf, torch.inf, 0.1]])
+    right = torch.tensor([[9.0, 0.0, 0.0], [0.0, 0.0, 9.0]])
+    assert losses.view_embedding(right, angles).item() < 0.01
+    assert losses.view_embedding(right.roll(1, 0), angles).item() > 5
+    # A query that no view is near to does not count.
+    far = torch.tensor([[0.0, 1.5, torch.inf], [torch.inf, torch.inf, 1.0]])
+    assert losses.view_embedding(right.roll(1, 0), far).item() == pytest.approx(
+        losses.view_embedding(right.roll(1, 0)[:1], far[:1]).item(), rel=1e-5
+    )
+
+
 def test_the_overall_loss_weighs_every_term() -> None:
     names = [field.name for field in dataclasses.fields(LossWeights)]
     terms = {name: torch.tensor(float(k + 1)) for k, name in enumerate(names)}
@@ -126,6 +145,7 @@ def test_true_maps_cost_nothing_and_terms_have_the_weights_names() -> None:
     maps = encode_pose_maps(query, reference, 4, 1.2)
     terms = losses.pose_map_losses(maps, maps, query, reference, 1.2)
     others = {"matching", "matched_points", "first", "flow_matching", "flow_offset", "flow_pose"}
+    others |= {"view_embedding", "visibility"}
     assert {*terms} | others == {field.name for field in dataclasses.fields(LossWeights)}
     assert all(value.item() < 1e-5 for value in terms.values())
     wrong = losses.pose_map_losses(maps.roll(1, 0), maps, query, reference, 1.2)

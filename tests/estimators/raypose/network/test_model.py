@@ -67,7 +67,10 @@ def test_gradients_reach_what_a_configuration_uses(config) -> None:
     silent = {name.split(".")[0] for name, p in model.named_parameters() if p.grad is None or not p.grad.any()}
     matching_off = not (config.matching and config.template_pose)
     expected = {"matcher", "embed_matches"} if matching_off else set()
+    expected |= {"visibility"} if matching_off else set()
     expected |= set() if config.template_pose else {"embed_geometry", "view_encoder"}
+    # The decoder does not use the embedding of views.
+    expected |= {"view_embedding"}
     assert silent <= expected
     assert all(p.grad.isfinite().all() for p in model.parameters() if p.grad is not None)
 
