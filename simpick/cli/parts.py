@@ -198,9 +198,11 @@ def describe_files(parts: Iterable[str], gripper: str) -> list[str]:
     from simpick.assets.cad_import import is_mesh_path
     from simpick.errors import ConfigError
     from simpick.grasping.part_report import difficulties, gripping, no_grasp_reason
+    from simpick.terminal import track
 
     lines = []
-    options = {name: gripping(get_part(name), gripper) for name in dict.fromkeys(parts)}
+    names = list(dict.fromkeys(parts))
+    options = {name: gripping(get_part(name), gripper) for name in track(names, "checking grasps", total=len(names))}
     for name, option in options.items():
         part = get_part(name)
         if is_mesh_path(name):

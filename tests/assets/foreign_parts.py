@@ -1,6 +1,6 @@
 """Parts of other families than the library's and the training's, with random dimensions in mm, as STL files.
 
-``python -m tests.assets.foreign_parts FOLDER`` writes one of each family: the parts of `docs/results/foreign_parts.md`.
+``python -m tests.assets.foreign_parts FOLDER`` writes one of each family: the parts of `docs/results.md`.
 """
 
 from __future__ import annotations
