@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float
 from simpick.assets.part import Part
 from simpick.config import Config, Fraction
 from simpick.estimators.detector.checkpoints import load_detector_checkpoint, shipped_detector_checkpoint
+from simpick.estimators.detector.colours import cad_colours, colour_evidence, instance_colours
 from simpick.estimators.detector.naming import PartNaming
 from simpick.estimators.detector.scores import exposure, name_probability
 from simpick.estimators.detector.segmenter import InstanceSegmenter
@@ -32,6 +33,8 @@ class LearnedDetectorConfig(Config):
     """Detections with a lower probability are dropped."""
     min_name_probability: Fraction = 0.35
     """An instance whose name is right with a lower probability is taken for none of the parts, and is dropped."""
+    colours: bool = True
+    """Whether the colours of the CAD help to name instances, as far as they agree with the image."""
 
 
 class LearnedDetector:
@@ -80,9 +83,13 @@ class LearnedDetector:
         self._seen = frame.rgb.copy(), found.foreground
         if not found.masks:
             return []
-        named = self.naming.compare(frame, found.masks, parts)
-        best = named.similarity.argmax(axis=1)
-        is_named = name_probability(named.similarity, exposure(found.masks))
+        similarity = self.naming.compare(frame, found.masks, parts).similarity
+        evidence = np.zeros(similarity.shape)
+        if self.config.colours:
+            colours = instance_colours(frame.rgb, found.masks)
+            evidence = colour_evidence(similarity, found.scores, colours, cad_colours(parts))
+        best = (similarity + evidence).argmax(axis=1)
+        is_named = name_probability(similarity, evidence, exposure(found.masks))
         scores = found.scores * is_named
         detections = [
             Detection(parts[int(best[k])].name, box_of_mask(mask), mask, float(scores[k]))

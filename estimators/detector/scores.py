@@ -65,17 +65,22 @@ def is_one_instance(affinity: float, gain: float) -> bool:
 
 
 def name_probability(
-    similarity: Float[np.ndarray, "instances parts"], exposure: Float[np.ndarray, "instances"]
+    similarity: Float[np.ndarray, "instances parts"],
+    evidence: Float[np.ndarray, "instances parts"],
+    exposure: Float[np.ndarray, "instances"],
 ) -> Float[np.ndarray, "instances"]:
     """Return the probability that the most similar part is the right one, and that the object is of the parts at all.
 
-    What nothing hides must be more similar to its part than what others may hide.
+    `evidence` adds to the similarities where parts are compared with one another. What nothing hides must be more
+    similar to its part than what others may hide.
     """
-    ranked, exposed = np.sort(similarity, axis=1), exposure**2
-    rival = _FOREIGN + _FOREIGN_EXPOSED * exposed
+    total, exposed = similarity + evidence, exposure**2
+    ranked = np.sort(total, axis=1)
+    chosen = np.take_along_axis(similarity, total.argmax(axis=1)[:, None], axis=1)[:, 0]
+    lead = chosen - (_FOREIGN + _FOREIGN_EXPOSED * exposed)
     if ranked.shape[1] > 1:
-        rival = np.maximum(rival, ranked[:, -2])
-    return expit(_NAME_A + (_NAME_B + _NAME_B_EXPOSED * exposed) * (ranked[:, -1] - rival))
+        lead = np.minimum(lead, ranked[:, -1] - ranked[:, -2])
+    return expit(_NAME_A + (_NAME_B + _NAME_B_EXPOSED * exposed) * lead)
 
 
 def exposure(masks: Sequence[Bool[np.ndarray, "height width"]]) -> Float[np.ndarray, "instances"]:

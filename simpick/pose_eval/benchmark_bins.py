@@ -119,7 +119,8 @@ def load_view(bin: BenchmarkBin) -> BinView:
 
     Several processes may call this at once; a damaged file is replaced.
     """
-    return _view(bin.seed, cached_arrays(view_path(bin), _ARRAYS, lambda: _arrays(fresh_view(bin)[0])))
+    arrays = cached_arrays(view_path(bin), _ARRAYS, lambda: _arrays(fresh_view(bin)[0]))
+    return _view(bin.seed, arrays, bin.config.parts)
 
 
 def fresh_view(bin: BenchmarkBin) -> tuple[BinView, tuple[Visibility, ...]]:
@@ -176,11 +177,12 @@ def _arrays(view: BinView) -> dict[str, np.ndarray]:
     return dict(zip(_ARRAYS, values, strict=True))
 
 
-def _view(seed: int, arrays: dict[str, np.ndarray]) -> BinView:
+def _view(seed: int, arrays: dict[str, np.ndarray], candidates: tuple[str, ...]) -> BinView:
     rgb, depth_m, instances, c, T_world_camera, names, numbers, Ts, fractions = (arrays[name] for name in _ARRAYS)
     camera = Pinhole(int(c[0]), int(c[1]), *(float(value) for value in c[2:]))
     parts = tuple(get_part(str(name)) for name in names)
     truths = tuple(
         PoseTruth(parts[n].name, T, float(f), int(n)) for n, T, f in zip(numbers, Ts, fractions, strict=True)
     )
-    return BinView(seed, CameraFrame(rgb, camera, T_world_camera, depth_m, instances.astype(np.int32)), parts, truths)
+    frame = CameraFrame(rgb, camera, T_world_camera, depth_m, instances.astype(np.int32))
+    return BinView(seed, frame, parts, truths, candidates)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from simpick.assets.library import get_part
 from simpick.assets.part import Part
 from simpick.bop import BopInstance, BopWriter
 from simpick.bop.targets import MIN_VISIBLE_FRACTION
@@ -37,6 +38,8 @@ class BinView:
     parts: tuple[Part, ...]
     """The part of each instance, by instance number."""
     truths: tuple[PoseTruth, ...]
+    candidates: tuple[str, ...]
+    """The parts that the bin was filled from, in it or not: those that detectors are asked for, as in closed loop."""
 
     def image(self, detections: str | Sequence[Detection]) -> PoseImage:
         """Return the view with these detections, or those of a name (see `simpick.estimators.detections`).
@@ -59,7 +62,7 @@ class BinView:
         # The second number separates this stream from the one that the bin itself is drawn from.
         rng = np.random.default_rng((self.seed, 1))
         detector = make_detector(name, [part.name for part in self.parts], rng)
-        return validated_detections(detector, self.frame, list({part.name: part for part in self.parts}.values()))
+        return validated_detections(detector, self.frame, [get_part(name) for name in self.candidates])
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +98,7 @@ def view_bin(config: SceneConfig, seed: int, *, photo: bool = False) -> tuple[Bi
         )
         for v in visibilities
     )
-    return BinView(seed, frame, parts, truths), visibilities
+    return BinView(seed, frame, parts, truths, config.parts), visibilities
 
 
 def bin_images(

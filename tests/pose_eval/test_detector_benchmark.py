@@ -23,7 +23,7 @@ def view() -> BinView:
         PoseTruth(name, np.eye(4), fraction, k)
         for k, (name, fraction) in enumerate(zip(NAMES, (1.0, 0.6, 0.1), strict=True))
     )
-    return BinView(1, frame, (), truths)
+    return BinView(1, frame, (), truths, ())
 
 
 def detection(view: BinView, instance: int, name: str, *, has_mask: bool = True) -> Detection:

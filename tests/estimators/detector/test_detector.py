@@ -10,7 +10,10 @@ from simpick.assets.library import get_part
 from simpick.errors import CheckpointError, ConfigError
 from simpick.estimators.base import Detector, ForegroundDetector
 from simpick.estimators.detector import AlikePartsWarning, LearnedDetector
+from simpick.estimators.detector import detector as detector_module
+from simpick.estimators.detector.detector import LearnedDetectorConfig
 from simpick.estimators.raypose.checkpoints import shipped_checkpoint
+from simpick.geometry import Pinhole
 from simpick.records import CameraFrame, Detection
 from tests.estimators.detector.conftest import SeenBin
 
@@ -121,6 +124,31 @@ def test_an_image_without_colour_is_answered(detector: LearnedDetector, seen_bin
     luminance = seen_bin.frame.rgb.mean(axis=2).astype(np.uint8)
     grey = replace(seen_bin.frame, rgb=np.repeat(luminance[..., None], 3, axis=2))
     assert detector.detect(grey, seen_bin.parts)
+
+
+def test_an_image_of_another_size_shows_the_same_parts(
+    detector: LearnedDetector, found: list[Detection], seen_bin: SeenBin
+) -> None:
+    rgb, c = seen_bin.frame.rgb, seen_bin.frame.camera
+    half = rgb.reshape(c.height // 2, 2, c.width // 2, 2, 3).mean(axis=(1, 3)).astype(np.uint8)
+    camera = Pinhole(c.width // 2, c.height // 2, c.fx / 2, c.fy / 2, c.cx / 2, c.cy / 2)
+    small = detector.detect(CameraFrame(half, camera, np.eye(4)), seen_bin.parts)
+    assert all(mask_of(d).shape == (c.height // 2, c.width // 2) for d in small)
+    agreeing = [any(d.part == f.part and iou(mask_of(d), mask_of(f)[::2, ::2]) > 0.5 for d in small) for f in found]
+    assert sum(agreeing) >= len(found) - 1
+
+
+def test_colours_can_be_left_out(seen_bin: SeenBin, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[np.ndarray] = []
+
+    def no_evidence(similarity: np.ndarray, *others: np.ndarray) -> np.ndarray:
+        asked.append(similarity)
+        return np.zeros(similarity.shape)
+
+    monkeypatch.setattr(detector_module, "colour_evidence", no_evidence)
+    shapes = LearnedDetector(config=LearnedDetectorConfig(colours=False)).detect(seen_bin.frame, seen_bin.parts)
+    assert shapes and not asked
+    assert is_same(LearnedDetector().detect(seen_bin.frame, seen_bin.parts), shapes) and len(asked) == 1
 
 
 def test_an_image_of_another_size_than_its_camera_is_refused(detector: LearnedDetector, seen_bin: SeenBin) -> None:

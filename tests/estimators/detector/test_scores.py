@@ -23,15 +23,22 @@ def test_nothing_is_fitted_where_all_or_none_are_right(right: bool) -> None:
 
 def test_a_similar_and_unrivalled_part_is_probably_right() -> None:
     similarity = np.array([[0.85, 0.6], [0.85, 0.84], [0.5, 0.3]])
-    sure, rivalled, foreign = name_probability(similarity, np.ones(3))
+    sure, rivalled, foreign = name_probability(similarity, np.zeros((3, 2)), np.ones(3))
     assert sure > 0.95 > 0.8 > rivalled > foreign
 
 
 def test_a_lone_part_is_compared_with_foreign_objects() -> None:
-    similar, dissimilar = name_probability(np.array([[0.85], [0.55]]), np.ones(2))
+    similar, dissimilar = name_probability(np.array([[0.85], [0.55]]), np.zeros((2, 1)), np.ones(2))
     assert similar > 0.85 and dissimilar < 0.1
-    hidden = name_probability(np.array([[0.55]]), np.zeros(1))
+    hidden = name_probability(np.array([[0.55]]), np.zeros((1, 1)), np.zeros(1))
     assert hidden[0] > dissimilar, "what others hide is expected to be less similar"
+
+
+def test_evidence_decides_between_parts_but_not_whether_it_is_one_of_them() -> None:
+    similarity = np.array([[0.85, 0.84], [0.5, 0.49]])
+    without, foreign = name_probability(similarity, np.zeros((2, 2)), np.ones(2))
+    decided, still_foreign = name_probability(similarity, np.array([[0.2, 0.0], [0.2, 0.0]]), np.ones(2))
+    assert decided > 0.95 > without and still_foreign <= foreign + 0.01
 
 
 def test_exposure_is_the_share_of_surroundings_that_no_mask_covers() -> None:
