@@ -5,6 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import trimesh
+from jaxtyping import Float, UInt8
 
 from simpick.assets.part import Material, Part
 from simpick.assets.shading import split_at_creases
@@ -13,6 +14,7 @@ VISUAL_GROUP = 2
 """Geoms that cameras see and contacts ignore."""
 COLLISION_GROUP = 3
 """Geoms that contacts see and cameras ignore."""
+_TEXTURE_WIDTH = 256
 
 
 def add_part(
@@ -23,12 +25,14 @@ def add_part(
     free: bool = True,
     collide: bool = True,
     material: str | None = None,
+    colour_faces: bool = False,
 ) -> mujoco.MjsBody:
     """Add one instance of `part` at the world's origin and return its body.
 
     Meshes are shared between instances of the same part in one `spec`. `free` gives it a free joint named
     ``<body_name>``; `collide` adds the collision pieces; `material` names a material of `spec` to use instead of
-    the part's own. The visual geom is named ``<body_name>/visual`` and lies in `VISUAL_GROUP`.
+    the part's own; with `colour_faces` that material's texture colours each face (`add_face_colours`). The visual geom
+    is named ``<body_name>/visual`` and lies in `VISUAL_GROUP`.
     """
     body = spec.worldbody.add_body(name=body_name)
     if free:
@@ -39,7 +43,7 @@ def add_part(
     inertia = part.density_kg_m3 * np.asarray(part.solid.moment_inertia)
     body.fullinertia = [inertia[0, 0], inertia[1, 1], inertia[2, 2], inertia[0, 1], inertia[0, 2], inertia[1, 2]]
 
-    visual = _shared_mesh(spec, f"{part.name}/visual", part.mesh, shaded=True)
+    visual = _shared_mesh(spec, f"{part.name}/visual", part.mesh, shaded=True, colour_faces=colour_faces)
     if material is None:
         material = f"{part.name}/material"
         add_material(spec, material, part.material)
@@ -56,7 +60,25 @@ def add_part(
     return body
 
 
-def _shared_mesh(spec: mujoco.MjSpec, name: str, mesh: trimesh.Trimesh, *, shaded: bool = False) -> str:
+def add_face_colours(spec: mujoco.MjSpec, name: str, face_rgb: UInt8[np.ndarray, "faces 3"]) -> str:
+    """Add a texture with one pixel per face, as `add_part` with `colour_faces` looks them up, and return its name."""
+    texture = np.zeros((-(-len(face_rgb) // _TEXTURE_WIDTH), _TEXTURE_WIDTH, 3), np.uint8)
+    texture.reshape(-1, 3)[: len(face_rgb)] = face_rgb
+    asset = spec.add_texture(
+        name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, width=_TEXTURE_WIDTH, height=len(texture), nchannel=3
+    )
+    asset.data = texture.tobytes()
+    return name
+
+
+def _face_texcoords(faces: int) -> Float[np.ndarray, "faces 2"]:
+    rows, columns = np.divmod(np.arange(faces), _TEXTURE_WIDTH)
+    return np.stack([(columns + 0.5) / _TEXTURE_WIDTH, (rows + 0.5) / -(-faces // _TEXTURE_WIDTH)], axis=1)
+
+
+def _shared_mesh(
+    spec: mujoco.MjSpec, name: str, mesh: trimesh.Trimesh, *, shaded: bool = False, colour_faces: bool = False
+) -> str:
     if spec.mesh(name) is None:
         vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
         # Inertia comes from the body, so shells and thin pieces need no volume here.
@@ -67,6 +89,10 @@ def _shared_mesh(spec: mujoco.MjSpec, name: str, mesh: trimesh.Trimesh, *, shade
             asset.usernormal = np.asarray(normals, np.float32).ravel()
         asset.uservert = np.asarray(vertices, np.float32).ravel()
         asset.userface = np.asarray(faces, np.int32).ravel()
+        if colour_faces:
+            # All corners of a face look up the same pixel, so that neither filtering nor mipmaps mix colours.
+            asset.usertexcoord = _face_texcoords(len(faces)).astype(np.float32).ravel()
+            asset.userfacetexcoord = np.repeat(np.arange(len(faces), dtype=np.int32), 3)
     return name
 
 

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 import trimesh
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 
 from simpick.errors import MeshError
 from simpick.geometry.symmetry import SymmetryGroup
@@ -42,6 +42,8 @@ class Part:
     invert(T_cad_part)``."""
     metres_per_cad_unit: float = 1.0
     """Unit of the CAD file's coordinates: 0.001 for millimetres."""
+    face_rgb: UInt8[np.ndarray, "faces 3"] | None = None
+    """Colour of each face of the mesh, in place of the material's; None for parts of one colour."""
 
     def __post_init__(self) -> None:
         centre = self.mesh.bounds.mean(axis=0)
@@ -83,4 +85,6 @@ class Part:
             digest.update(np.ascontiguousarray(mesh.faces, "<i8").tobytes())
         digest.update(np.ascontiguousarray(self.symmetries.transforms(8), "<f8").tobytes())
         digest.update(repr((self.density_kg_m3, self.material)).encode())
+        if self.face_rgb is not None:
+            digest.update(np.ascontiguousarray(self.face_rgb).tobytes())
         return digest.hexdigest()[:16]

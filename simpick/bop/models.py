@@ -12,6 +12,7 @@ import trimesh
 from jaxtyping import Float
 from trimesh.visual.texture import TextureVisuals
 
+from simpick.assets.face_colours import face_colours, vertex_colours
 from simpick.assets.part import Material, Part
 from simpick.bop.conventions import MM_PER_M, symmetries_from_bop
 from simpick.bop.json_files import read_json_by_id, required_numbers
@@ -129,7 +130,7 @@ class BopModels:
         path = folder / f"obj_{obj_id:06d}.ply"
         mesh = read_ply(path, self._present(folder))
         self._check_unit(mesh, required_numbers(entry, "diameter", 1, self._where(obj_id))[0], path)
-        material = _material(mesh)
+        material, colours = _material(mesh), vertex_colours(mesh)
         vertices_m = mesh.vertices / MM_PER_M
         T_model_part = transform(translation=(vertices_m.min(axis=0) + vertices_m.max(axis=0)) / 2)
         shape = trimesh.Trimesh(transform_points(invert(T_model_part), vertices_m), mesh.faces, process=False)
@@ -148,6 +149,7 @@ class BopModels:
             material=material,
             T_cad_part=T_model_part,
             metres_per_cad_unit=1 / MM_PER_M,
+            face_rgb=None if colours is None else face_colours(mesh, colours),
         )
 
     def _where(self, obj_id: int) -> str:
@@ -179,7 +181,7 @@ class BopModels:
 
 
 def _material(mesh: trimesh.Trimesh) -> Material:
-    """Return a material of the mesh's mean colour: simpick draws a part in one colour."""
+    """Return a material of the mesh's mean colour, in which scenes draw the part."""
     visual = mesh.visual
     try:
         if isinstance(visual, TextureVisuals):

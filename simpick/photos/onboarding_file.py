@@ -106,6 +106,8 @@ def _arrays_of(part: Part) -> dict[str, np.ndarray]:
         "pieces": len(part.collision),
     }
     axes = np.array([[*s.axis, *s.offset_m] for s in part.symmetries.continuous]).reshape(-1, 6)
+    if part.face_rgb is not None:
+        arrays["face_rgb"] = part.face_rgb
     return arrays | {
         "part": _text(fields),
         "discrete": part.symmetries.discrete,
@@ -131,6 +133,7 @@ def _part_from(arrays: dict[str, np.ndarray]) -> Part:
         Material((rgb[0], rgb[1], rgb[2]), specular, shininess, reflectance),
         arrays["T_cad_part"],
         fields["metres_per_cad_unit"],
+        arrays.get("face_rgb"),
     )
 
 

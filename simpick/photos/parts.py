@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 
 from simpick.assets import get_part, load_cad
 from simpick.assets.cad_import import is_mesh_path
+from simpick.assets.face_colours import with_file_colours
 from simpick.assets.part import Part
 from simpick.assets.units import Unit
 from simpick.photos.onboarding_file import SUFFIX, load_onboarding
@@ -26,6 +28,12 @@ def load_parts(parts: Sequence[Part | str | Path], unit: Unit = "auto") -> list[
 def _load(text: str, unit: Unit) -> Part:
     if Path(text).suffix == SUFFIX:
         return load_onboarding(Path(text))
-    if unit != "auto" and is_mesh_path(text):
-        return load_cad(text, unit=unit)
-    return get_part(text)
+    if not is_mesh_path(text):
+        return get_part(text)
+    return _coloured(get_part(text) if unit == "auto" else load_cad(text, unit=unit), Path(text))
+
+
+@lru_cache(maxsize=64)
+def _coloured(part: Part, path: Path) -> Part:
+    """Return a part with its file's colours: the same object for the same part, which others keep by identity."""
+    return with_file_colours(part, path)

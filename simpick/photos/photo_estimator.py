@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -21,6 +23,10 @@ from simpick.photos.calibration import Undistortion
 from simpick.photos.pose_checks import PoseChecks, check_pose
 from simpick.records import CameraFrame, Detection
 from simpick.rendering.posed_depth import PosedDepthRenderer
+
+_TRIED = 4
+"""Detections that are tried per pose that is asked for."""
+_Scored = TypeVar("_Scored", Detection, CadPoseEstimate)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +75,7 @@ class PhotoEstimator(Closing):
         """Return the poses of parts in an image: of what a detector finds, or of detections in the original image.
 
         Detections without a mask get one from their box (`simpick.photos.box_masks`). `count` limits the estimates of
-        each part to the most certain.
+        each part to the most certain among those of the 4 `count` most certain detections.
         """
         start = time.perf_counter()
         frame = camera.frame(rgb)
@@ -86,17 +92,14 @@ class PhotoEstimator(Closing):
                 for d in detections
             ]
             found = with_masks(moved, frame)
+        if count is not None:
+            found = _best(found, _TRIED * count)
         detect_s = time.perf_counter() - start
         start = time.perf_counter()
         answers = validated_estimates(self.estimator, [frame], [found])[0]
         timings_s = {"detect": detect_s, "estimate": time.perf_counter() - start}
-        ranked = sorted((CadPoseEstimate.of(e, self.parts[e.part]) for e in answers), key=lambda e: -e.score)
-        left = dict.fromkeys(self.parts, len(ranked) if count is None else count)
-        kept = []
-        for estimate in ranked:
-            if left[estimate.part] > 0:
-                left[estimate.part] -= 1
-                kept.append(estimate)
+        kept = [CadPoseEstimate.of(estimate, self.parts[estimate.part]) for estimate in answers]
+        kept = _best(kept, len(kept) if count is None else count)
         return PhotoPoses(frame, tuple(found), tuple(kept), timings_s)
 
     def depth(
@@ -117,3 +120,14 @@ class PhotoEstimator(Closing):
         self._depth.close()
         if isinstance(self.estimator, Closing):
             self.estimator.close()
+
+
+def _best(items: Sequence[_Scored], count: int) -> list[_Scored]:
+    """Return the `count` items of each part with the highest scores, the highest first."""
+    seen: Counter[str] = Counter()
+    kept = []
+    for item in sorted(items, key=lambda item: -item.score):
+        seen[item.part] += 1
+        if seen[item.part] <= count:
+            kept.append(item)
+    return kept

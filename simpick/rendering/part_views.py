@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8
 
-from simpick.assets.mjcf import add_part
+from simpick.assets.mjcf import add_face_colours, add_part
 from simpick.assets.part import Part
 from simpick.closing import Closing
 from simpick.errors import ConfigError
@@ -19,6 +19,7 @@ from simpick.rendering.renderer import Renderer, RenderQuality, Viewpoint
 PART_QUALITY = RenderQuality(shadow_map_px=0, samples=4)
 """No shadows; smooth edges, which gradients at 64 px need."""
 
+_EXPOSED_PERCENTILE = 95
 _AMBIENT, _DIFFUSE, _EXPOSURE = 0.25, 0.75, 0.85
 # Wide, because the reversed z-buffer loses no precision by it.
 _NEAR_M, _FAR_M = 0.01, 100.0
@@ -45,7 +46,7 @@ class PartRenderer(Closing):
     The only light sits in the camera and shines along its axis, without shadows or highlights. So shading depends on
     the angle between surface and axis alone, and turning the camera about its axis turns the image and changes
     nothing else. Colours keep the part's hue, at the exposure at which its brightest channel is nearly full, so that
-    the shape of a black part shows as well as that of a white one.
+    the shape of a black part shows as well as that of a white one. Parts with `Part.face_rgb` show those colours.
     """
 
     def __init__(self, part: Part, height: int, width: int, *, quality: RenderQuality = PART_QUALITY) -> None:
@@ -112,11 +113,16 @@ def render_part_views(
 
 def _part_model(part: Part) -> mujoco.MjModel:
     spec = mujoco.MjSpec()
-    red, green, blue = (_EXPOSURE * c / max(*part.material.rgb, 1e-3) for c in part.material.rgb)
-    if max(part.material.rgb) < 1e-3:
-        red = green = blue = _EXPOSURE
-    spec.add_material(name="exposed", rgba=[red, green, blue, 1.0], specular=0.0, shininess=0.0, reflectance=0.0)
-    add_part(spec, part, "part", free=False, collide=False, material="exposed")
+    coloured = part.face_rgb is not None
+    colour = np.array(part.material.rgb) if part.face_rgb is None else np.ones(3)
+    brightest = max(float(colour.max()), 1e-3)
+    exposed = _EXPOSURE * colour / brightest if colour.max() >= 1e-3 else np.full(3, _EXPOSURE)
+    material = spec.add_material(name="exposed", rgba=[*exposed, 1.0], specular=0.0, shininess=0.0, reflectance=0.0)
+    if part.face_rgb is not None:
+        scale = 255 / max(float(np.percentile(part.face_rgb.max(axis=1), _EXPOSED_PERCENTILE)), 1.0)
+        faces = np.minimum(part.face_rgb * scale, 255).astype(np.uint8)
+        material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = add_face_colours(spec, "colours", faces)
+    add_part(spec, part, "part", free=False, collide=False, material="exposed", colour_faces=coloured)
     head = spec.visual.headlight
     head.ambient, head.diffuse, head.specular = [_AMBIENT] * 3, [_DIFFUSE] * 3, [0.0] * 3
     return spec.compile()
