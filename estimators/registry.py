@@ -87,12 +87,16 @@ def _raypose(mode: Literal["coarse", "fine"], hypotheses: int | None, budget: Po
     return load_raypose(mode, config)
 
 
+_REFINED_STARTS = 5
+"""Hypotheses of the base estimator that are refined if no number is asked for."""
+
+
 def _refined(
     mode: str, make_base: Callable[[int | None, PoseBudget], PoseEstimator], hypotheses: int | None, budget: PoseBudget
 ) -> PoseEstimator:
     from simpick.estimators.refiner import RefinedEstimator
 
-    return RefinedEstimator(make_base(hypotheses, budget), mode=mode)
+    return RefinedEstimator(make_base(hypotheses or _REFINED_STARTS, budget), mode=mode)
 
 
 def _weights() -> Path:

@@ -41,8 +41,8 @@ MESSAGES: list[tuple[Callable[[], object], str]] = [
         "'retrieval@0'",
     ),
     (
-        lambda: load_estimator("retrieval", budget=PoseBudget(steps=2)),
-        "iterations and steps are options of coarse and fine; 'retrieval' has none. Leave them out",
+        lambda: load_estimator("retrieval", budget=PoseBudget(decoder_steps=2)),
+        "iterations and decoder are options of coarse and fine; 'retrieval' has none. Leave them out",
     ),
     (
         lambda: load_checkpoint(Path("none.safetensors")),

@@ -14,6 +14,7 @@ from jaxtyping import Float, Int
 from simpick.assets.part import Part
 from simpick.errors import CheckpointError, ConfigError
 from simpick.estimators.base import PoseEstimator
+from simpick.estimators.floor import Floor
 from simpick.estimators.pose_selection import distinct_poses
 from simpick.estimators.raypose.candidates import Candidates
 from simpick.estimators.raypose.checkpoints import load_checkpoint, shipped_checkpoint
@@ -113,10 +114,11 @@ class RayPoseEstimator:
                     candidates = self._fine(bank, crops, queries, rows, own)
                 answers.update((i, self._ranked(bank.part, candidates, i)) for i in rows.tolist())
         elapsed_s = (time.perf_counter() - begin) / len(valid)
-        return [
+        estimates = [
             PoseEstimate(part, best[0].T_camera_part, best[0].score, self.mode, elapsed_s, tuple(best), detection)
             for detection, part, best in ((v.detection, v.detection.part, answers[i]) for i, v in enumerate(valid))
         ]
+        return Floor.under(frame, estimates, {name: bank.part for name, bank in self._banks.items()})
 
     def _starts(self, frame: CameraFrame, detections: Sequence[Detection]) -> dict[int, list[np.ndarray]] | None:
         """Return the first poses by the detection's identity; None for coarse, which needs none."""

@@ -20,7 +20,7 @@ from simpick.estimators.raypose.network.pose_maps import ViewPoses
 from simpick.rendering import TemplateSet
 from simpick.tensor_record import TensorRecord
 
-TURNS = 24
+TURNS = 12
 _VERSION = 1
 _AT_ONCE = 64
 _CONSIDERED = 64
@@ -78,7 +78,7 @@ def load_view_index(model: RayPose, part: Part, templates: TemplateSet) -> ViewI
             parts = [_embed(model, images, aimed.rows(slice(k, k + _AT_ONCE))) for k in range(0, len(aimed), _AT_ONCE)]
         return {"embeddings": torch.cat(parts).numpy()}
 
-    key = cache_key(_VERSION, part.content_hash, _weights_hash(model), templates.rgb.tobytes())
+    key = cache_key(_VERSION, TURNS, part.content_hash, _weights_hash(model), templates.rgb.tobytes())
     arrays = cached_arrays(cache_dir() / "views" / f"{part.name}-{key}.npz", ("embeddings",), embed)
     half_tangent = torch.tensor(aimed.recrops.half_tangent, dtype=torch.float32)
     poses = ViewPoses.of(torch.tensor(aimed.Ts_crop_part, dtype=torch.float32), half_tangent)

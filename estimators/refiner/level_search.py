@@ -7,10 +7,10 @@ import torch
 from jaxtyping import Float, Int
 
 from simpick.assets.part import Part
+from simpick.estimators.floor import Floor
 from simpick.estimators.refiner.alignment import Alignment, Target, align
 from simpick.estimators.refiner.config import AlignmentLevel, RefinerConfig
 from simpick.estimators.refiner.crop_renderer import CropRenderer
-from simpick.estimators.refiner.floor import Floor
 from simpick.estimators.refiner.query_maps import QueryMaps
 
 

@@ -12,12 +12,12 @@ from jaxtyping import Bool, Float, Int
 from simpick.assets.part import Part
 from simpick.closing import Closing
 from simpick.errors import ConfigError
+from simpick.estimators.floor import Floor
 from simpick.estimators.pose_selection import best_per_group, distinct_poses
 from simpick.estimators.refiner.confidence import Confidence, read_confidence
 from simpick.estimators.refiner.config import AlignmentLevel, RefinerConfig
 from simpick.estimators.refiner.crop_renderer import CropRenderer
 from simpick.estimators.refiner.evidence import evidence
-from simpick.estimators.refiner.floor import Floor
 from simpick.estimators.refiner.level_search import LevelSearch
 from simpick.estimators.refiner.levenberg_marquardt import minimise
 from simpick.estimators.refiner.query_maps import QueryMaps, query_maps

@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from simpick.assets.part import Part
 from simpick.config import Config, PositiveFloat
+from simpick.estimators.floor import Floor
 from simpick.estimators.retrieval.descriptors import CROP_PX, describe, luminance
 from simpick.estimators.retrieval.template_index import Matches, TemplateIndex, load_index
 from simpick.estimators.retrieval.turned_crops import PADDING
@@ -58,14 +59,14 @@ class RetrievalEstimator:
 
     def __init__(self, config: RetrievalConfig | None = None) -> None:
         self.config = config or RetrievalConfig()
-        self._indices: dict[str, tuple[str, TemplateIndex]] = {}
+        self._indices: dict[str, tuple[Part, TemplateIndex]] = {}
 
     def onboard(self, part: Part, *, progress: Callable[[int, int], None] | None = None) -> None:
         """Render and describe the part's templates, which takes seconds, or read them from the cache."""
         known = self._indices.get(part.name)
-        if known is None or known[0] != part.content_hash:
+        if known is None or known[0].content_hash != part.content_hash:
             index = load_index(part, TemplateConfig(views=self.config.views), self.config.turns, progress=progress)
-            self._indices[part.name] = (part.content_hash, index)
+            self._indices[part.name] = (part, index)
 
     def estimate(self, frame: CameraFrame, detections: Sequence[Detection]) -> list[PoseEstimate]:
         """Return the best pose of each detection, with hypotheses.
@@ -109,7 +110,8 @@ class RetrievalEstimator:
             estimates[k].append(
                 PoseEstimate(d.part, best.T_camera_part, best.score, self.mode, elapsed_s, found_poses[i], detection=d)
             )
-        return estimates
+        parts = {name: part for name, (part, _) in self._indices.items()}
+        return [Floor.under(frame, own, parts) for frame, own in zip(frames, estimates, strict=True)]
 
     def _crop(self, frame: CameraFrame, detections: Sequence[Detection]) -> tuple[list[Detection], CropBatch | None]:
         """Return the valid detections and their crops; None if there are none."""

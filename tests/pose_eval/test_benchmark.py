@@ -237,10 +237,13 @@ def test_figures_are_not_written_over_anything_by_accident(tmp_path: Path, capsy
         (("oracle", "--detections", "wild"), "wild"),
         (
             ("retrieval", "--iterations", "2"),
-            "iterations and steps are options of coarse and fine; 'retrieval' has none",
+            "iterations and decoder are options of coarse and fine; 'retrieval' has none",
         ),
-        (("retrieval", "--steps", "2"), "iterations and steps are options of coarse and fine; 'retrieval' has none"),
-        (("fine", "--steps", "0"), "steps must be at least 1, got 0"),
+        (
+            ("retrieval", "--decoder", "2"),
+            "iterations and decoder are options of coarse and fine; 'retrieval' has none",
+        ),
+        (("fine", "--decoder", "-1"), "decoder_steps must be at least 0, got -1"),
         (("fine", "--iterations", "0"), "a fine network needs 1 iteration or more, got 0"),
         (("retrieval@none",), "an estimator must be written NAME or NAME@K with K hypotheses"),
     ],

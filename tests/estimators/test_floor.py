@@ -11,11 +11,11 @@ import trimesh
 
 from simpick.assets.library import get_part
 from simpick.assets.part import Part
+from simpick.estimators.floor import Floor
 from simpick.estimators.refiner import Refiner
 from simpick.estimators.refiner.alignment import moved
-from simpick.estimators.refiner.floor import Floor
 from simpick.geometry import Pinhole, box_of_mask, invert, so3_exp, transform
-from simpick.records import CameraFrame, Detection, PoseHypothesis
+from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
 from simpick.rendering import PartRenderer
 
 # The camera looks down from 0.7 m, tilted by 0.15 rad.
@@ -101,3 +101,28 @@ def test_a_plate_lies_on_the_floor_whatever_its_mask_says_of_its_depth(depth_sha
         ((best, *_),) = refiner.refine(frame, [detection], [[PoseHypothesis(off, 1.0)]])
     assert abs(lowest_m(part, best.T_camera_part)) < 3e-3
     assert np.linalg.norm(best.T_camera_part[:3, 3] - T_true[:3, 3]) < 12e-3
+
+
+def estimates_of(part: Part, Ts: list[np.ndarray]) -> list[PoseEstimate]:
+    hypotheses = tuple(PoseHypothesis(T, 0.5) for T in Ts)
+    return [PoseEstimate(part.name, Ts[0], 0.5, "fine", 0.0, hypotheses)]
+
+
+def test_estimates_below_the_floor_are_raised_with_all_their_hypotheses():
+    part = get_part("l_bracket")
+    frame = CameraFrame(np.zeros((240, 320, 3), np.uint8), CAMERA, T_WORLD_CAMERA)
+    (estimate,) = Floor.under(frame, estimates_of(part, [resting(part, -0.02), resting(part, 0.01)]), {part.name: part})
+    assert lowest_m(part, estimate.T_camera_part) == pytest.approx(0, abs=1e-4)
+    below, above = estimate.hypotheses
+    np.testing.assert_array_equal(below.T_camera_part, estimate.T_camera_part)
+    np.testing.assert_allclose(above.T_camera_part, resting(part, 0.01), atol=1e-12)
+    # Along the line of sight: the part stays where it is in the image.
+    before, after = CAMERA.project(np.stack([resting(part, -0.02)[:3, 3], below.T_camera_part[:3, 3]]))
+    np.testing.assert_allclose(after, before, atol=0.01)
+
+
+def test_estimates_stay_where_the_camera_is_not_calibrated():
+    part = get_part("l_bracket")
+    frame = CameraFrame(np.zeros((240, 320, 3), np.uint8), CAMERA, np.eye(4))
+    given = estimates_of(part, [resting(part, -0.02)])
+    assert Floor.under(frame, given, {part.name: part}) == given

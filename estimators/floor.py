@@ -6,8 +6,8 @@ camera's pose is known, the floor is the plane z = 0 of the world (see `simpick.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -17,7 +17,7 @@ from torch import Tensor
 from simpick.assets.part import Part
 from simpick.geometry import invert
 from simpick.grasping.resting import raised_onto_floor
-from simpick.records import CameraFrame
+from simpick.records import CameraFrame, PoseEstimate
 
 _FARTHEST_M = 0.3
 """If most parts are farther from the plane z = 0 than this, it is not the floor that they lie on."""
@@ -54,6 +54,18 @@ class Floor:
         eye_m = self.T_world_camera[:3, 3]
         Ts = [raised_onto_floor(part, self.T_world_camera @ T, eye_m) for T in Ts_camera_part]
         return invert(self.T_world_camera) @ np.stack(Ts)
+
+    @staticmethod
+    def under(frame: CameraFrame, estimates: Sequence[PoseEstimate], parts: Mapping[str, Part]) -> list[PoseEstimate]:
+        """Return the estimates with all hypotheses raised onto the floor, if the frame says where it is."""
+        floor = Floor.below(frame, [parts[e.part] for e in estimates], [e.T_camera_part for e in estimates])
+        return list(estimates) if floor is None else [floor._raised_estimate(e, parts[e.part]) for e in estimates]
+
+    def _raised_estimate(self, estimate: PoseEstimate, part: Part) -> PoseEstimate:
+        poses = [estimate.T_camera_part, *(h.T_camera_part for h in estimate.hypotheses)]
+        best, *others = self.raised(part, np.stack(poses))
+        hypotheses = tuple(replace(h, T_camera_part=T) for h, T in zip(estimate.hypotheses, others, strict=True))
+        return replace(estimate, T_camera_part=best, hypotheses=hypotheses)
 
     def equations(
         self, part: Part, Ts_crop_part: Float[np.ndarray, "n 4 4"], Rs_crop_camera: Float[np.ndarray, "n 3 3"]
