@@ -14,7 +14,7 @@ from simpick.assets.part import Part
 from simpick.caching import cache_dir, cache_key, cached_arrays
 from simpick.estimators.pose_selection import distinct_poses
 from simpick.estimators.raypose.crops.aimed_templates import AimedTemplates, aim_at_templates
-from simpick.estimators.raypose.crops.template_crops import TemplateImages, crop_templates
+from simpick.estimators.raypose.crops.template_crops import TemplateImages, sample_templates
 from simpick.estimators.raypose.network.model import RayPose
 from simpick.estimators.raypose.network.pose_maps import ViewPoses
 from simpick.rendering import TemplateSet
@@ -86,8 +86,8 @@ def load_view_index(model: RayPose, part: Part, templates: TemplateSet) -> ViewI
 
 
 def _embed(model: RayPose, images: TemplateImages, aimed: AimedTemplates) -> Float[Tensor, "n embedding"]:
-    crops = crop_templates(images, aimed, model.config)
-    return model.embed_views(crops.rgb, crops.masks)
+    sampled = sample_templates(images, aimed)
+    return model.embed_views(sampled[:, :3], sampled[:, 3])
 
 
 def _weights_hash(model: RayPose) -> str:

@@ -82,6 +82,8 @@ class Command(Protocol):
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code; errors that simpick raises on purpose print without a traceback."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
+    # Read when torch loads: threads of OpenMP that spin while they wait lose their cores to busy neighbours.
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     try:
         if arguments == ["--version"]:
             print(f"simpick {__version__}")

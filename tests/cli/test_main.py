@@ -1,5 +1,6 @@
 """The command line as a whole: help, names, versions, errors."""
 
+import os
 import re
 import subprocess
 import sys
@@ -130,3 +131,10 @@ def test_a_command_replaces_an_image_only_with_overwrite(command: str, tmp_path,
     assert "old.png exists already. Choose another file with --out, or pass --overwrite." in capsys.readouterr().err
     assert main([*command.split(), "--out", str(tmp_path / "new.jpg")]) == 2
     assert "out must be a .png file, got " in capsys.readouterr().err
+
+
+def test_waiting_threads_sleep_unless_the_user_says_otherwise(monkeypatch) -> None:
+    monkeypatch.delenv("OMP_WAIT_POLICY", raising=False)
+    assert main(["--version"]) == 0 and os.environ["OMP_WAIT_POLICY"] == "PASSIVE"
+    monkeypatch.setenv("OMP_WAIT_POLICY", "ACTIVE")
+    assert main(["--version"]) == 0 and os.environ["OMP_WAIT_POLICY"] == "ACTIVE"

@@ -65,15 +65,20 @@ def move_points(
     return torch.tensor(moved, dtype=torch.float32) * (coverage > 0)[..., None]
 
 
+def sample_templates(images: TemplateImages, aimed: AimedTemplates) -> Float[Tensor, "n 4 size size"]:
+    """Return colour and mask as the cameras see them, on the images' device."""
+    views = torch.from_numpy(aimed.views).to(images.rgb.device)
+    channels = torch.cat([images.rgb[views].float() / 255, images.masks[views][:, None].float()], dim=1)
+    return sample_virtual_recrops(channels, np.full(len(views), images.focal_px), aimed.recrops)
+
+
 def crop_templates(images: TemplateImages, aimed: AimedTemplates, config: RayPoseConfig) -> TemplateCrops:
     """Return what the cameras see, on the images' device."""
-    device = images.rgb.device
-    views = torch.from_numpy(aimed.views).to(device)
+    views = torch.from_numpy(aimed.views).to(images.rgb.device)
     focal_px = np.full(len(views), images.focal_px)
     mask = images.masks[views][:, None].float()
-    rgb = images.rgb[views].float() / 255
     points_m = _points_in_part(images.depth_m[views], images.focal_px, aimed) * mask
-    sampled = sample_virtual_recrops(torch.cat([rgb, mask], dim=1), focal_px, aimed.recrops)
+    sampled = sample_templates(images, aimed)
     geometry = sample_virtual_recrops(torch.cat([mask, points_m], dim=1), focal_px, aimed.recrops.halved())
     cells = F.adaptive_avg_pool2d(geometry, config.geometry_cells).flatten(2).mT  # (n, cells, 4)
     coverage = cells[..., 0]
