@@ -40,7 +40,7 @@ class LearnedDetectorConfig(Config):
 class LearnedDetector:
     """Segments the image without regard to parts, then names each instance. Implements `ForegroundDetector`.
 
-    Of the frame it reads `rgb` and `camera` only: neither depth, nor instance ids, nor the camera's pose.
+    Of the frame it reads `rgb`, `camera` and, where it is known, `T_world_camera`: neither depth nor instance ids.
     """
 
     def __init__(self, weights: Path | None = None, config: LearnedDetectorConfig | None = None) -> None:
@@ -83,13 +83,16 @@ class LearnedDetector:
         self._seen = frame.rgb.copy(), found.foreground
         if not found.masks:
             return []
-        similarity = self.naming.compare(frame, found.masks, parts).similarity
+        named = self.naming.compare(frame, found.masks, parts)
+        similarity = named.similarity
         evidence = np.zeros(similarity.shape)
         if self.config.colours:
             colours = instance_colours(frame.rgb, found.masks)
             evidence = colour_evidence(similarity, found.scores, colours, cad_colours(parts))
         best = (similarity + evidence).argmax(axis=1)
-        is_named = name_probability(similarity, evidence, exposure(found.masks))
+        is_named = name_probability(
+            similarity, evidence, exposure(found.masks), is_distance_known=named.is_distance_known
+        )
         scores = found.scores * is_named
         detections = [
             Detection(parts[int(best[k])].name, box_of_mask(mask), mask, float(scores[k]))

@@ -18,6 +18,7 @@ from torch import Tensor
 
 from simpick.assets.part import Part
 from simpick.config import Config, Fraction, NonNegativeFloat, PositiveFloat
+from simpick.estimators.detector.floor_distance import floor_distances
 from simpick.estimators.retrieval.descriptors import CROP_PX, describe, luminance
 from simpick.estimators.retrieval.template_index import load_index
 from simpick.estimators.retrieval.turned_crops import PADDING
@@ -41,6 +42,8 @@ class NamingConfig(Config):
     """Typical relative deviation of a right match's distance from the image's."""
     worst_distance: NonNegativeFloat = 4.0
     """A match loses at most this many times `distance_weight`."""
+    highest_m: PositiveFloat = 0.1
+    """The instances' common height above the floor is at most this, where the camera's pose is known."""
     alike: Fraction = 0.9
     """Parts whose views are at least this similar on average are reported as alike."""
 
@@ -52,7 +55,9 @@ class NamedInstances:
     similarity: Float[np.ndarray, "instances parts"]
     """Of the best template, in [0, 1], less what its distance costs."""
     distance_m: float
-    """Of the image's instances; NaN without any."""
+    """Median distance of the image's instances; NaN without any."""
+    is_distance_known: bool
+    """Whether the distance follows from the camera's pose, but for the height of the pile."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,19 +94,23 @@ class PartNaming:
             ConfigError: the image has another size than its camera.
         """
         if not masks:
-            return NamedInstances(np.zeros((0, len(parts))), float("nan"))
+            return NamedInstances(np.zeros((0, len(parts))), float("nan"), False)
         templates = self._join(parts)
         boxes = np.stack([box_of_mask(mask) for mask in masks])
         crops = crop_images(frame.rgb, frame.camera, boxes, CROP_PX, masks=masks, padding=PADDING)
         assert crops.masks is not None
+        floor_m = floor_distances(frame, crops.cameras.Rs_crop_camera[:, 2])
+        shifts = None if floor_m is None else self._pile_shifts(float(frame.T_world_camera[2, 3]))
+        start_m = np.ones(len(masks)) if floor_m is None else floor_m
         with torch.inference_mode():
             queries = describe(luminance(torch.from_numpy(crops.rgb)), torch.from_numpy(crops.masks))
             scores = (queries @ templates.descriptors.T).unflatten(1, (len(parts), -1))
-            log_focal = torch.from_numpy(crops.cameras.focal_px).float().log()
+            log_ratio = torch.from_numpy(np.log(crops.cameras.focal_px / start_m)).float()
             log_size = templates.log_size.view(len(parts), -1)
-            log_distance = self._common_log_distance(scores, log_focal, log_size)
-            scores -= self._penalty(log_focal[:, None, None] + (log_size - log_distance))
-        return NamedInstances(scores.amax(dim=2).double().numpy(), float(np.exp(log_distance)))
+            shift = self._common_shift(scores, log_ratio, log_size, shifts)
+            scores -= self._penalty(log_ratio[:, None, None] + (log_size - shift))
+        distance_m = float(np.median(start_m) * np.exp(shift))
+        return NamedInstances(scores.amax(dim=2).double().numpy(), distance_m, floor_m is not None)
 
     def alike(self, parts: Sequence[Part]) -> list[tuple[str, str]]:
         """Return the names of each two parts that look alike from everywhere and are about equally large."""
@@ -139,15 +148,26 @@ class PartNaming:
         scaled = torch.where(deviation > 0, 0.5 / config.distance_spread, 1 / config.distance_spread).mul_(deviation)
         return scaled.square_().clamp_max_(config.worst_distance).mul_(config.distance_weight)
 
-    def _common_log_distance(
+    def _pile_shifts(self, eye_m: float) -> Float[Tensor, "shifts"]:
+        """Return what the pile's possible heights change in the logarithm of the distance, seen from this height."""
+        heights = np.linspace(0, min(self.config.highest_m, eye_m / 2), _GRID)
+        return torch.from_numpy(np.log1p(-heights / eye_m)).float()
+
+    def _common_shift(
         self,
         scores: Float[Tensor, "instances parts templates"],
-        log_focal: Float[Tensor, "instances"],
+        log_ratio: Float[Tensor, "instances"],
         log_size: Float[Tensor, "parts templates"],
+        shifts: Float[Tensor, "shifts"] | None,
     ) -> float:
-        """Return the logarithm of the distance at which the instances' best matches are best in sum."""
+        """Return the logarithm of the common distance at which the instances' best matches are best in sum.
+
+        `log_ratio` is the focal length in pixels by the distance that the shift begins from; without `shifts`, all
+        distances of matches are tried.
+        """
         best = scores.max(dim=2)
-        distance = log_focal[:, None] + log_size.gather(1, best.indices.T).T
-        grid = torch.linspace(float(distance.min()), float(distance.max()), _GRID)
-        totals = (best.values[..., None] - self._penalty(distance[..., None] - grid)).amax(dim=1).sum(dim=0)
-        return float(grid[int(totals.argmax())])
+        distance = log_ratio[:, None] + log_size.gather(1, best.indices.T).T
+        if shifts is None:
+            shifts = torch.linspace(float(distance.min()), float(distance.max()), _GRID)
+        totals = (best.values[..., None] - self._penalty(distance[..., None] - shifts)).amax(dim=1).sum(dim=0)
+        return float(shifts[int(totals.argmax())])

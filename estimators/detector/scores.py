@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -17,13 +18,27 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 _RING_PX = 7
-# Name: logit = a + b * (similarity - the larger of the second part's and what a foreign object reaches). Both b and the
-# latter grow with the square of the exposure.
-_NAME_A, _NAME_B, _NAME_B_EXPOSED = 0.95, 7.6, 22.5
-_FOREIGN, _FOREIGN_EXPOSED = 0.654, 0.101
 # Merge: logit = a + b * logit of the mean affinity + c * gain in similarity.
 _MERGE_A, _MERGE_B, _MERGE_C = 1.48, 1.72, 17.2
 _RIDGE = 1e-3
+
+
+class _NameScale(NamedTuple):
+    """Name: logit = 0.95 + b * (similarity - the larger of the second part's and what a foreign object reaches).
+
+    Both b and the latter change with the square of the exposure.
+    """
+
+    b: float
+    b_exposed: float
+    foreign: float
+    foreign_exposed: float
+
+
+_NAME_A = 0.95
+_FREE_DISTANCE = _NameScale(7.6, 22.5, 0.654, 0.101)
+_KNOWN_DISTANCE = _NameScale(11.83, 5.79, 0.732, -0.021)
+"""Fitted where three of five objects are the asked part."""
 
 
 @dataclass(frozen=True)
@@ -68,19 +83,23 @@ def name_probability(
     similarity: Float[np.ndarray, "instances parts"],
     evidence: Float[np.ndarray, "instances parts"],
     exposure: Float[np.ndarray, "instances"],
+    *,
+    is_distance_known: bool,
 ) -> Float[np.ndarray, "instances"]:
     """Return the probability that the most similar part is the right one, and that the object is of the parts at all.
 
     `evidence` adds to the similarities where parts are compared with one another. What nothing hides must be more
-    similar to its part than what others may hide.
+    similar to its part than what others may hide. Foreign objects of another size are less similar where the distance
+    is known.
     """
+    scale = _KNOWN_DISTANCE if is_distance_known else _FREE_DISTANCE
     total, exposed = similarity + evidence, exposure**2
     ranked = np.sort(total, axis=1)
     chosen = np.take_along_axis(similarity, total.argmax(axis=1)[:, None], axis=1)[:, 0]
-    lead = chosen - (_FOREIGN + _FOREIGN_EXPOSED * exposed)
+    lead = chosen - (scale.foreign + scale.foreign_exposed * exposed)
     if ranked.shape[1] > 1:
         lead = np.minimum(lead, ranked[:, -1] - ranked[:, -2])
-    return expit(_NAME_A + (_NAME_B + _NAME_B_EXPOSED * exposed) * lead)
+    return expit(_NAME_A + (scale.b + scale.b_exposed * exposed) * lead)
 
 
 def exposure(masks: Sequence[Bool[np.ndarray, "height width"]]) -> Float[np.ndarray, "instances"]:

@@ -88,13 +88,39 @@ def test_detections_are_complete_and_in_order(found: list[Detection]) -> None:
         np.testing.assert_allclose(detection.box_xyxy_px, box)
 
 
-def test_neither_depth_nor_instances_nor_the_camera_pose_are_read(
+def test_neither_depth_nor_instances_are_read(
     detector: LearnedDetector, found: list[Detection], seen_bin: SeenBin
 ) -> None:
     frame = seen_bin.frame
-    bare = CameraFrame(frame.rgb, frame.camera, np.eye(4))
+    bare = CameraFrame(frame.rgb, frame.camera, frame.T_world_camera)
     assert bare.depth_m is None and bare.instances is None
     assert is_same(detector.detect(bare, seen_bin.parts), found)
+
+
+def test_the_distance_is_that_of_the_floor_where_the_camera_pose_is_known(
+    detector: LearnedDetector, found: list[Detection], seen_bin: SeenBin
+) -> None:
+    frame, masks = seen_bin.frame, [mask_of(detection) for detection in found]
+    foreign = [get_part("crane_hook")]
+    named = detector.naming.compare(frame, masks, foreign)
+    eye_m = float(frame.T_world_camera[2, 3])
+    assert named.is_distance_known and eye_m - 0.1 < named.distance_m < 1.1 * eye_m
+    unknown = replace(frame, T_world_camera=np.eye(4))
+    free = detector.naming.compare(unknown, masks, foreign)
+    assert not free.is_distance_known and (free.similarity.mean() > named.similarity.mean())
+
+
+def test_parts_of_another_size_are_less_probable_where_the_distance_is_known(
+    detector: LearnedDetector, found: list[Detection], seen_bin: SeenBin
+) -> None:
+    # From twice as high, what looks like these parts is twice as large.
+    T_world_camera = seen_bin.frame.T_world_camera.copy()
+    T_world_camera[2, 3] *= 2
+    larger = detector.detect(replace(seen_bin.frame, T_world_camera=T_world_camera), seen_bin.parts)
+    unknown = detector.detect(replace(seen_bin.frame, T_world_camera=np.eye(4)), seen_bin.parts)
+    total = sum(detection.score for detection in found)
+    assert sum(detection.score for detection in larger) < 0.85 * total
+    assert sum(detection.score for detection in unknown) > 0.9 * total
 
 
 def test_permuting_the_simulator_ids_changes_nothing(
