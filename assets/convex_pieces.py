@@ -15,14 +15,14 @@ _TOLERANCE = 0.002
 """Detail below this share of the longest side, or five times this share of the shortest, does not matter in contact."""
 _MOST_FACES = 3000
 _CONVEX_ENOUGH = 0.97
-_CACHE_VERSION = 3
+_CACHE_VERSION = 4
 
 
 def convex_pieces(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, ...]:
     """Return convex pieces whose union approximates the watertight mesh (`simpick.assets.plane_cuts`).
 
-    One hull where the mesh fills 97 % of it. Deterministic; takes up to some seconds the first time and is cached
-    under ``<cache>/convex_pieces``. Raises `MeshError` if the mesh encloses no solid.
+    One hull where the mesh fills 97 % of it. Deterministic; takes up to about 10 s of one core the first time and is
+    cached under ``<cache>/convex_pieces``. Raises `MeshError` if the mesh encloses no solid.
     """
     key = cache_key(
         _CACHE_VERSION,

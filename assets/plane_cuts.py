@@ -3,12 +3,12 @@
 Each cut is the one of a few dozen candidate planes that most reduces the hulls' excess volume, weighted by the root of
 their size, so that a cut which only isolates a recess counts as progress. Neighbours are then merged where their common
 hull adds little. The volume that the pieces hold too much is known after each step, which is what contacts depend on,
-and no part of the solid is left without a piece.
+and no part of the solid is left without a piece. The work is bounded: where it is used up, pieces stay as they are and
+hold more excess volume.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -27,6 +27,12 @@ SMALL_EXCESS = 0.03
 LARGEST_EXCESS = 0.10
 """Excess over the volume up to which pieces are merged to `FEW_PIECES`."""
 
+_MOST_WORK = 6_000_000
+"""Sum over the planes tried of the piece's faces + `_WORK_PER_PLANE`: about 10 s of one core. A count and not a clock,
+so that pieces do not depend on the machine's load."""
+_WORK_PER_PLANE = 300
+_MOST_HULLS = 4 * MOST_PIECES
+"""More hulls than this are joined by place before pairs are compared, whose number grows with the square."""
 _CRUMB = 1e-4
 _CONCAVE_EDGES = 24
 _LEAST_ANGLE_RAD = 0.05
@@ -53,19 +59,26 @@ class _Piece:
 def cut_into_hulls(solid: Manifold) -> list[Manifold]:
     """Return convex solids that together cover `solid`."""
     volume = solid.volume()
-    return _merged([piece.hull for piece in _pieces(solid, volume)], volume)
+    hulls = [piece.hull for piece in _pieces(solid, volume)]
+    return _merged(_joined_by_place([hull for hull in hulls if not hull.is_empty()], _MOST_HULLS), volume)
 
 
 def _pieces(solid: Manifold, volume: float) -> list[_Piece]:
     """Return the pieces of a solid, cut until their excess is small or no cut helps."""
     pieces = [_Piece(body) for body in solid.decompose() if body.volume() > _CRUMB * volume]
     done: list[_Piece] = []
+    work = _MOST_WORK
     while pieces and len(pieces) + len(done) < 2 * MOST_PIECES:
         if sum(piece.excess for piece in [*pieces, *done]) < SMALL_EXCESS * volume:
             break
         worst = max(range(len(pieces)), key=lambda k: pieces[k].cost)
         piece = pieces.pop(worst)
-        cut = _best_cut(piece, volume) if piece.excess > 0.1 * SMALL_EXCESS * volume else []
+        cut: list[_Piece] = []
+        work_per_plane = piece.solid.num_tri() + _WORK_PER_PLANE
+        if piece.excess > 0.1 * SMALL_EXCESS * volume and work >= work_per_plane:
+            planes = _candidate_planes(piece.solid)[: work // work_per_plane]
+            work -= work_per_plane * len(planes)
+            cut = _best_cut(piece, planes, volume)
         if cut:
             pieces += cut
         else:
@@ -73,11 +86,11 @@ def _pieces(solid: Manifold, volume: float) -> list[_Piece]:
     return [*done, *pieces]
 
 
-def _best_cut(piece: _Piece, volume: float) -> list[_Piece]:
+def _best_cut(piece: _Piece, planes: list[tuple[float, float, float, float]], volume: float) -> list[_Piece]:
     """Return the pieces of the best plane's cut; none if no plane helps."""
     best, least = [], 0.999 * piece.cost
-    for plane in _candidate_planes(piece.solid):
-        halves = piece.solid.split_by_plane((plane[0], plane[1], plane[2]), plane[3])
+    for x, y, z, offset in planes:
+        halves = piece.solid.split_by_plane((x, y, z), offset)
         if min(half.volume() for half in halves) < _CRUMB * volume:
             continue
         parts = [_Piece(body) for half in halves for body in half.decompose() if body.volume() > 0.1 * _CRUMB * volume]
@@ -88,8 +101,8 @@ def _best_cut(piece: _Piece, volume: float) -> list[_Piece]:
     return best
 
 
-def _candidate_planes(solid: Manifold) -> Iterator[tuple[float, float, float, float]]:
-    """Yield planes (unit normal, offset): along the faces at concave edges, across the box, through the middle."""
+def _candidate_planes(solid: Manifold) -> list[tuple[float, float, float, float]]:
+    """Return planes (unit normal, offset): along the faces at concave edges, across the box, through the middle."""
     mesh = to_trimesh(solid)
     vertices, centre = np.asarray(mesh.vertices), np.asarray(mesh.vertices).mean(axis=0)
     rows: list[Float[np.ndarray, "4"]] = []
@@ -110,12 +123,25 @@ def _candidate_planes(solid: Manifold) -> Iterator[tuple[float, float, float, fl
     planes *= np.sign(planes[np.arange(len(planes)), np.abs(planes[:, :3]).argmax(axis=1)])[:, None]
     grid = np.array([0.02, 0.02, 0.02, 0.01 * float((high - low).max())])
     unique = np.unique(np.round(planes / grid).astype(int), axis=0, return_index=True)[1]
-    yield from planes[np.sort(unique)].tolist()
+    return [(x, y, z, offset) for x, y, z, offset in planes[np.sort(unique)].tolist()]
 
 
 def _plane(normal: Float[np.ndarray, "3"], point: Float[np.ndarray, "3"]) -> Float[np.ndarray, "4"]:
     unit = normal / np.linalg.norm(normal)
     return np.append(unit, unit @ point)
+
+
+def _joined_by_place(hulls: list[Manifold], most: int) -> list[Manifold]:
+    """Return at most this many hulls: halves along the longest side of their centres, each joined to few enough."""
+    if len(hulls) <= most:
+        return hulls
+    if most == 1:
+        return [Manifold.batch_hull(hulls)]
+    centres = np.array([hull.bounding_box() for hull in hulls]).reshape(-1, 2, 3).mean(axis=1)
+    order = np.argsort(centres[:, np.ptp(centres, axis=0).argmax()], kind="stable").tolist()
+    half = len(order) // 2
+    low, high = ([hulls[k] for k in part] for part in (order[:half], order[half:]))
+    return _joined_by_place(low, most // 2) + _joined_by_place(high, most - most // 2)
 
 
 def _merged(hulls: list[Manifold], volume: float) -> list[Manifold]:
@@ -131,8 +157,7 @@ def _merged(hulls: list[Manifold], volume: float) -> list[Manifold]:
         alive[number] = new
 
     for hull in hulls:
-        if not hull.is_empty():
-            join(hull)
+        join(hull)
     while len(alive) > 1:
         (j, k), (added, hull) = min(joint.items(), key=lambda item: item[1][0])
         excess = sum(piece.volume() for piece in alive.values()) + added - volume

@@ -63,7 +63,9 @@ def test_any_faces_of_a_bracket_missing_or_flipped_and_corners_moved(missing, tu
 @_SETTINGS
 @given(st.lists(st.tuples(st.integers(0, 10_000), st.integers(0, 255)), max_size=12), st.integers(0, 10_000))
 def test_any_bytes_of_a_file(tmp_path, changes, length):
-    content = bytearray(defects.bracket().export(file_type="stl"))
+    exported = defects.bracket().export(file_type="stl")
+    assert isinstance(exported, bytes)
+    content = bytearray(exported)
     for place, value in changes:
         content[place % len(content)] = value
     file = tmp_path / "a.stl"
