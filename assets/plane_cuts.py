@@ -28,8 +28,8 @@ LARGEST_EXCESS = 0.10
 """Excess over the volume up to which pieces are merged to `FEW_PIECES`."""
 
 _MOST_WORK = 6_000_000
-"""Sum over the planes tried of the piece's faces + `_WORK_PER_PLANE`: about 10 s of one core. A count and not a clock,
-so that pieces do not depend on the machine's load."""
+"""Sum over the planes tried of the piece's faces + `_WORK_PER_PLANE`: 10 s to 15 s of one core. A count, not a clock:
+pieces must not depend on the machine's load."""
 _WORK_PER_PLANE = 300
 _MOST_HULLS = 4 * MOST_PIECES
 """More hulls than this are joined by place before pairs are compared, whose number grows with the square."""
