@@ -11,6 +11,7 @@ from typing import Any
 from simpick.config import from_json
 from simpick.errors import OutputError
 from simpick.experiments.provenance_changes import changes
+from simpick.json_text import is_json, load_json
 from simpick.records import PickOutcome, PickRecord
 from simpick.run_folder import CONFIG_FILE, RunFolder
 
@@ -86,7 +87,8 @@ class ResultStore(RunFolder):
             path, provenance, config_file=config_file, results=results, changes=changes, overwrite=overwrite
         )
         file = path / RESULTS_FILE
-        self._results = {result.key: result for result in (read_results(file) if file.exists() else ())}
+        found = read_results(file) if file.exists() and not overwrite else []
+        self._results = {result.key: result for result in found}
 
     @property
     def results(self) -> tuple[EpisodeResult, ...]:
@@ -108,16 +110,20 @@ class ResultStore(RunFolder):
 
 
 def read_results(file: Path) -> list[EpisodeResult]:
-    """Return the episodes in a ``results.jsonl``.
+    """Return the episodes in a ``results.jsonl``; a last line that was cut off is left out.
 
     Raises:
-        OutputError: a line is not an episode; the message names it.
+        OutputError: the file cannot be read, or a line is not an episode; the message names it.
     """
+    try:
+        *lines, cut_off = file.read_bytes().split(b"\n")
+    except OSError as error:
+        raise OutputError(f"{file} cannot be read: {error.strerror or error}. Make it readable") from error
     results = []
-    for number, line in enumerate(file.read_text().splitlines(), start=1):
+    for number, line in enumerate([*lines, cut_off] if is_json(cut_off) else lines, start=1):
         try:
             # Lines of versions without modes are refused: their mode cannot be known.
-            results.append(from_json(EpisodeResult, json.loads(line), complete=True))
+            results.append(from_json(EpisodeResult, load_json(line), complete=True))
         except ValueError as error:
             raise OutputError(
                 f"{file}, line {number}, is not an episode of this version of simpick ({error}). "

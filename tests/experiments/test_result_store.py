@@ -90,6 +90,9 @@ def test_overwriting_removes_only_results(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("keep me")
     store = ResultStore(tmp_path, CONFIG | {"seed": 1}, overwrite=True)
     assert store.results == ()
+    assert read_results(tmp_path / "results.jsonl") == [make_result()], "kept until there are new ones"
+    store.add(make_result(3))
+    assert read_results(tmp_path / "results.jsonl") == [make_result(3)]
     assert (tmp_path / "notes.txt").read_text() == "keep me"
 
 
@@ -103,6 +106,27 @@ def test_a_file_in_the_way_is_refused(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("a file")
     with pytest.raises(OutputError, match=r"results cannot be written to .*out: a file is in the way.* with --out"):
         ResultStore(tmp_path / "out", CONFIG)
+
+
+@pytest.mark.parametrize("torn", [b'{"episode": 1, "se', b"\xff\xfe", b'{"a": "\xc3'])
+def test_a_last_line_that_was_cut_off_is_run_again(tmp_path: Path, torn: bytes) -> None:
+    ResultStore(tmp_path, CONFIG).add(make_result(0))
+    with (tmp_path / "results.jsonl").open("ab") as stream:
+        stream.write(torn)
+    store = ResultStore(tmp_path, CONFIG)
+    assert store.results == (make_result(0),)
+    store.add(make_result(1))
+    assert read_results(tmp_path / "results.jsonl") == [make_result(0), make_result(1)]
+
+
+@pytest.mark.parametrize("line", [b"\xff\xfe\n", b"[" * 10**5 + b"\n", b'{"episode": 1' + b"0" * 400 + b"}\n"])
+def test_lines_of_no_episode_are_named(tmp_path: Path, line: bytes) -> None:
+    ResultStore(tmp_path, CONFIG).add(make_result())
+    with (tmp_path / "results.jsonl").open("ab") as stream:
+        stream.write(line)
+    with pytest.raises(OutputError, match=r"results.jsonl, line 2, is not an episode") as caught:
+        ResultStore(tmp_path, CONFIG)
+    assert len(str(caught.value)) < 1000
 
 
 def test_a_broken_line_is_named(tmp_path: Path) -> None:

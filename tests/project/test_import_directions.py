@@ -12,9 +12,11 @@ from tests.project.source_imports import imported_modules, source_files
 # A room is a folder or file of the package. It imports only rooms before it in this list.
 ROOMS = (
     "errors",
+    "json_text",
     "closing",
     "caching",
     "config",
+    "folder_lock",
     "run_folder",
     "tensor_record",
     "workers",
