@@ -148,8 +148,16 @@ def name_from_path(path: Path) -> str:
     return name if name and not name[0].isdigit() else f"part_{name}".rstrip("_")
 
 
+_NAME_CHARACTERS = 100
+"""Names become parts of file names, which have at most 255 characters."""
+
+
 def checked_name(name: str) -> str:
     """Return `name`, or raise `ConfigError` if it is not made of letters, digits and underscores."""
+    if len(name) > _NAME_CHARACTERS:
+        raise ConfigError(
+            f"a part's name must have at most {_NAME_CHARACTERS} characters, got {len(name)}: {name[:60]}..."
+        )
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
         raise ConfigError(
             f"a part's name must start with a letter and hold only letters, digits and underscores, got {name!r}"

@@ -48,6 +48,11 @@ def add_user_part(
         raise ConfigError(
             f"a part named {name!r} was added before. Choose another name (--name), or replace it (--overwrite)."
         )
+    if alike := [other for other in user_part_names() if other != name and other.lower() == name.lower()]:
+        raise ConfigError(
+            f"a part's name must differ from others in more than the case of its letters, got {name!r} beside "
+            f"{alike[0]!r}: some file systems hold one of them only. Choose another name (--name)."
+        )
     imported = import_cad(source, settings, name=name)
     # The unit is written down as it was chosen, so that a later change of the rules does not change the part.
     record = {**asdict(settings), "unit": imported.unit, "file": f"model{source.suffix.lower()}", "from": source.name}
@@ -57,9 +62,7 @@ def add_user_part(
         try:
             shutil.copyfile(source, staging / record["file"])
             (staging / _SETTINGS).write_text(json.dumps(record, indent=1))
-            if replace and target.exists():
-                shutil.rmtree(target)
-            staging.replace(target)
+            _put(staging, target)
         finally:
             shutil.rmtree(staging, ignore_errors=True)
     except OSError as error:
@@ -68,6 +71,21 @@ def add_user_part(
             "be written."
         ) from error
     return imported
+
+
+def _put(staging: Path, target: Path) -> None:
+    """Move a folder to its place; a folder that is there is deleted when the new one is in place."""
+    if not target.exists():
+        staging.replace(target)
+        return
+    earlier = staging.with_name(f"{staging.name}-earlier")
+    target.replace(earlier)
+    try:
+        staging.replace(target)
+    except OSError:
+        earlier.replace(target)
+        raise
+    shutil.rmtree(earlier, ignore_errors=True)
 
 
 def remove_user_part(name: str) -> Path:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import io
+import logging
 import os
 import uuid
 import zipfile
-import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -17,7 +18,16 @@ import platformdirs
 
 from simpick.errors import ArrayFileError, OutputError
 
+_LOG = logging.getLogger(__name__)
 _NPY = ".npy"
+_MAX_BYTES = 16 * 2**30
+"""Of a file's arrays: a damaged size must not fill the memory."""
+_STEM_CHARACTERS = 40
+_REMEDIES = {
+    errno.ENOSPC: "Make room",
+    errno.EDQUOT: "Make room",
+    errno.ENAMETOOLONG: "Choose a shorter name",
+}
 _FAST = 1
 """Compression level: the next one makes images a fifth smaller in three times the time."""
 
@@ -46,6 +56,11 @@ def cache_key(version: int, *ingredients: str | bytes | int | float) -> str:
     return digest.hexdigest()[:24]
 
 
+def cache_name(name: str, key: str, suffix: str = ".npz") -> str:
+    """Return the name of a cached file of arrays; `name` is for humans, and is cut where file systems would refuse."""
+    return f"{name[:_STEM_CHARACTERS]}-{key}{suffix}"
+
+
 def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     """Write arrays to one ``.npz`` file in one step, compressed, each with a checksum; equal arrays, equal bytes.
 
@@ -70,12 +85,13 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
     try:
         # Each member carries a checksum, which reading compares.
         with zipfile.ZipFile(path) as file:
+            if (size := sum(member.file_size for member in file.infolist())) > _MAX_BYTES:
+                raise ValueError(f"it states a size of {size} bytes")
             return {name.removesuffix(_NPY): _array(name, file.read(name)) for name in file.namelist()}
     except FileNotFoundError:
         raise
-    # A truncated, damaged or foreign file fails as any of these, depending on where it breaks off.
-    except (OSError, ValueError, KeyError, EOFError, NotImplementedError, RuntimeError,
-            zipfile.BadZipFile, zlib.error) as error:  # fmt: skip
+    # zipfile and numpy fail by a dozen kinds of errors, depending on which byte is damaged.
+    except Exception as error:
         raise ArrayFileError(f"{path} must be a whole file of arrays, is damaged or foreign ({error})") from error
 
 
@@ -86,12 +102,21 @@ def _array(name: str, content: bytes) -> np.ndarray:
 
 
 def stored_arrays(path: Path, names: Iterable[str]) -> dict[str, np.ndarray] | None:
-    """Return a file's arrays, or None where it is missing, damaged or lacks one of `names`."""
+    """Return a file's arrays, or None where it is missing, damaged or lacks one of `names`.
+
+    A file that cannot be used is noted in the log, which Python prints: its content is made again.
+    """
     try:
         arrays = read_arrays(path)
-    except (FileNotFoundError, ArrayFileError):
+    except FileNotFoundError:
         return None
-    return arrays if arrays.keys() >= set(names) else None
+    except ArrayFileError as error:
+        _LOG.warning("note: %s; its content is made again", error)
+        return None
+    if lacking := sorted(set(names) - arrays.keys()):
+        _LOG.warning("note: %s lacks %s; its content is made again", path, ", ".join(lacking))
+        return None
+    return arrays
 
 
 def cached_arrays(
@@ -134,7 +159,8 @@ def atomic_path(target: Path) -> Iterator[Path]:
     Raises:
         OutputError: the folder cannot be written, or the disk is full; its cause is the operating system's error.
     """
-    temporary = target.parent / f".{target.stem}-{uuid.uuid4().hex}{target.suffix}"
+    # A name that is as long as names may be leaves no room for more characters.
+    temporary = target.parent / f".{target.stem[:_STEM_CHARACTERS]}-{uuid.uuid4().hex}{target.suffix}"
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         # Not tempfile.mkstemp, whose files only their owner may read.
@@ -145,8 +171,9 @@ def atomic_path(target: Path) -> Iterator[Path]:
         raise
     except OSError as error:
         raise OutputError(
-            f"cannot write to {target}: {error.strerror or error}. Make room, choose another folder, or set "
-            "SIMPICK_CACHE if this is the cache."
+            f"cannot write to {target}: {error.strerror or error}. What was there before is kept. "
+            f"{_REMEDIES.get(error.errno or 0, 'Choose a folder that you may write to')}, or set SIMPICK_CACHE to "
+            "another folder if this is the cache."
         ) from error
     finally:
         # Where the folder is a file, even this fails.

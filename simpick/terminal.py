@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from rich import console as rich_console
 from rich.box import SIMPLE
@@ -18,16 +18,20 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 from rich.table import Table as Table
+from rich.text import Text as Text
 
 _Item = TypeVar("_Item")
 
 
 class Console(rich_console.Console):
-    """The terminal, or a file in its place."""
+    """The terminal, or a file in its place; texts are shown as they are, because paths may hold brackets."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**{"markup": False, **options})
 
     def print_line(self, text: str) -> None:
         """Print text as it is; only the terminal wraps it, so that a path can be copied."""
-        self.print(text, soft_wrap=True, markup=False)
+        self.print(text, soft_wrap=True)
 
 
 def narrow_table(
@@ -48,7 +52,7 @@ def narrow_table(
 def progress_bar(console: Console | None = None, *, keep: bool = False) -> Progress:
     """Return a progress display: description, bar, count, elapsed and remaining time; it disappears unless kept."""
     return Progress(
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
@@ -61,12 +65,12 @@ def progress_bar(console: Console | None = None, *, keep: bool = False) -> Progr
 def share_bar(before: str, after: str, end: str, *, console: Console) -> Progress:
     """Return a progress display of a share of work, with texts of its tasks before the bar, after it and at the end."""
     return Progress(
-        TextColumn(before),
+        TextColumn(before, markup=False),
         BarColumn(bar_width=24),
         TaskProgressColumn(),
-        TextColumn(after),
+        TextColumn(after, markup=False),
         TimeElapsedColumn(),
-        TextColumn(end),
+        TextColumn(end, markup=False),
         console=console,
     )
 

@@ -13,6 +13,7 @@ from simpick.caching import (
     atomic_write_text,
     cache_dir,
     cache_key,
+    cache_name,
     cached_arrays,
     read_arrays,
     write_arrays,
@@ -58,7 +59,10 @@ def test_a_full_disk_is_an_error_with_a_remedy(tmp_path):
     target = tmp_path / "file.txt"
     atomic_write_text(target, "old")
     with (
-        pytest.raises(OutputError, match=r"cannot write to .*file\.txt: No space left on device\. Make room"),
+        pytest.raises(
+            OutputError,
+            match=r"cannot write to .*file\.txt: No space left on device\. What was there before is kept\. Make room",
+        ),
         atomic_path(target),
     ):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -110,3 +114,56 @@ def test_cached_arrays_are_made_once_and_again_where_one_is_missing(tmp_path):
     write_arrays(path, {"image": ARRAYS["image"]})
     cached_arrays(path, ARRAYS, make)
     assert len(made) == 2
+
+
+def test_a_damaged_cache_is_made_again_once_with_a_note(tmp_path, caplog):
+    path, made = tmp_path / "cached.npz", []
+
+    def make():
+        made.append(path)
+        return ARRAYS
+
+    cached_arrays(path, ARRAYS, make)
+    whole = path.read_bytes()
+    for k in (0, 4, 8, len(whole) // 2, len(whole) - 60, len(whole) - 4):
+        path.write_bytes(whole[:k] + bytes([whole[k] ^ 0xFF]) + whole[k + 1 :])
+        made.clear()
+        caplog.clear()
+        for _ in range(2):
+            np.testing.assert_array_equal(cached_arrays(path, ARRAYS, make)["image"], ARRAYS["image"])
+        assert len(made) == len(caplog.records) <= 1
+        assert all("cached.npz" in text and "its content is made again" in text for text in caplog.messages)
+    path.write_bytes(whole[:-1])
+    cached_arrays(path, ARRAYS, make)
+    assert path.read_bytes() == whole and "made again" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("code", "remedy"),
+    [
+        (errno.EROFS, r"Read-only file system\. What was there before is kept\. Choose a folder that you may write to"),
+        (errno.EDQUOT, r"What was there before is kept\. Make room, or set SIMPICK_CACHE"),
+    ],
+)
+def test_what_a_disk_refuses_has_its_remedy(code, remedy, tmp_path):
+    with pytest.raises(OutputError, match=remedy), atomic_path(tmp_path / "file"):
+        raise OSError(code, os.strerror(code))
+
+
+def test_long_names(tmp_path):
+    atomic_write_text(tmp_path / ("x" * 251 + ".txt"), "as long as a name may be")
+    with pytest.raises(
+        OutputError, match=r"File name too long\. What was there before is kept\. Choose a shorter name"
+    ):
+        atomic_write_text(tmp_path / ("x" * 300), "")
+    write_arrays(tmp_path / cache_name("x" * 300, cache_key(1, "x")), ARRAYS)
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_arrays_of_impossible_sizes_are_refused(tmp_path):
+    header = b"\x93NUMPY\x01\x00" + (118).to_bytes(2, "little")
+    header += b"{'descr': '<f8', 'fortran_order': False, 'shape': (10000000000000,), }".ljust(117) + b"\n"
+    with zipfile.ZipFile(tmp_path / "huge.npz", "w") as file:
+        file.writestr("a.npy", header)
+    with pytest.raises(ArrayFileError, match=r"huge\.npz must be a whole file of arrays"):
+        read_arrays(tmp_path / "huge.npz")

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from simpick.assets.part import Part
-from simpick.caching import cache_dir, cache_key, cached_arrays
+from simpick.caching import cache_dir, cache_key, cache_name, cached_arrays
 from simpick.estimators.pose_selection import distinct_poses
 from simpick.estimators.raypose.crops.aimed_templates import AimedTemplates, aim_at_templates
 from simpick.estimators.raypose.crops.template_crops import TemplateImages, sample_templates
@@ -79,7 +79,7 @@ def load_view_index(model: RayPose, part: Part, templates: TemplateSet) -> ViewI
         return {"embeddings": torch.cat(parts).numpy()}
 
     key = cache_key(_VERSION, TURNS, part.content_hash, _weights_hash(model), templates.rgb.tobytes())
-    arrays = cached_arrays(cache_dir() / "views" / f"{part.name}-{key}.npz", ("embeddings",), embed)
+    arrays = cached_arrays(cache_dir() / "views" / cache_name(part.name, key), ("embeddings",), embed)
     half_tangent = torch.tensor(aimed.recrops.half_tangent, dtype=torch.float32)
     poses = ViewPoses.of(torch.tensor(aimed.Ts_crop_part, dtype=torch.float32), half_tangent)
     return ViewIndex(torch.tensor(arrays["embeddings"]), poses)

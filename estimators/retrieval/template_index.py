@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from simpick.assets.part import Part
-from simpick.caching import cache_dir, cache_key, cached_arrays
+from simpick.caching import cache_dir, cache_key, cache_name, cached_arrays
 from simpick.estimators.retrieval.descriptors import describe
 from simpick.estimators.retrieval.turned_crops import aim_turned_crops, render_turned_crops
 from simpick.geometry import SymmetryGroup, random_rotation
@@ -141,7 +141,7 @@ def load_index(
         described = [describe(gray, masks) for gray, masks in render_turned_crops(templates, crops)]
         return {"descriptors": torch.cat(described).half().numpy()}
 
-    stored = cached_arrays(cache_dir() / "retrieval" / f"{part.name}-{key}.npz", ("descriptors",), describe_all)
+    stored = cached_arrays(cache_dir() / "retrieval" / cache_name(part.name, key), ("descriptors",), describe_all)
     descriptors = torch.tensor(stored["descriptors"]).float()
     return TemplateIndex(descriptors, crops.Ts_crop_part, crops.focal_px, part.symmetries)
 

@@ -37,12 +37,12 @@ class Doctor:
 
     def run(self) -> int:
         """Print the findings; return 1 if anything needs to be fixed."""
-        from simpick.terminal import Console, narrow_table
+        from simpick.terminal import Console, Text, narrow_table
 
         findings = [CHECKS[name]() for name in self.only or CHECKS]
         table = narrow_table("check", "", "found", "fix", labels=4, padding=2)
         for finding in findings:
-            mark = "[green]ok[/]" if finding.ok else "[red]failed[/]"
+            mark = Text("ok", "green") if finding.ok else Text("failed", "red")
             table.add_row(finding.check, mark, finding.detail, finding.remedy)
         Console().print(table)
         return 0 if all(finding.ok for finding in findings) else 1

@@ -15,7 +15,7 @@ from annotated_types import Interval
 from jaxtyping import Bool, Float, Float32, Int, UInt8, UInt16
 
 from simpick.assets.part import Part
-from simpick.caching import cache_dir, cache_key, cached_arrays
+from simpick.caching import cache_dir, cache_key, cache_name, cached_arrays
 from simpick.config import Config
 from simpick.errors import ConfigError
 from simpick.geometry import Pinhole
@@ -139,7 +139,7 @@ def render_templates(
 def template_path(part: Part, config: TemplateConfig) -> Path:
     """Return where the templates of a part are kept."""
     key = cache_key(_VERSION, part.content_hash, repr(config), repr(PART_QUALITY), mujoco.__version__)
-    return cache_dir() / "templates" / f"{part.name}-{key}.zip"
+    return cache_dir() / "templates" / cache_name(part.name, key, ".zip")
 
 
 def steps_from_depth(

@@ -1,8 +1,11 @@
 """User CAD: a path works like a name, the unit is chosen and explained, bad files say what is wrong and what to do."""
 
+import errno
 import json
 import logging
+import os
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -267,6 +270,37 @@ def test_name_clashes_are_errors(tmp_path):
         add_user_part(path, name="hex_nut")
     with pytest.raises(ConfigError, match="must start with a letter"):
         add_user_part(path, name="../evil")
+
+
+def test_names_that_file_systems_confuse_or_refuse(tmp_path):
+    path = box_file(tmp_path, [60, 20, 10])
+    add_user_part(path, name="brick")
+    with pytest.raises(
+        ConfigError, match=r"must differ from others in more than the case .*got 'Brick' beside 'brick'"
+    ):
+        add_user_part(path, name="Brick")
+    with pytest.raises(ConfigError, match=r"must have at most 100 characters, got 300: x{60}\.\.\."):
+        add_user_part(path, name="x" * 300)
+
+
+def test_a_part_that_cannot_be_replaced_stays(tmp_path, monkeypatch):
+    path = box_file(tmp_path, [60, 20, 10])
+    add_user_part(path, name="brick")
+    before, replace = get_part("brick").content_hash, Path.replace
+
+    def fail_for_the_new(self, target):
+        if self.is_dir() and self.name.startswith(".") and not self.name.endswith("-earlier"):
+            raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+        return replace(self, target)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "replace", fail_for_the_new)
+        with pytest.raises(OutputError, match=r"cannot register 'brick' .*Read-only file system"):
+            add_user_part(box_file(tmp_path, [50, 20, 10]), name="brick", replace=True)
+    assert get_part("brick").content_hash == before
+    add_user_part(box_file(tmp_path, [50, 20, 10]), name="brick", replace=True)
+    assert get_part("brick").content_hash != before
+    assert [f.name for f in user_parts.user_parts_dir().iterdir()] == ["brick"]
 
 
 def test_a_part_that_is_still_being_added_is_not_listed(tmp_path):
