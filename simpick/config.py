@@ -25,7 +25,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import json
 import math
 import operator
 import types
@@ -40,6 +39,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 from annotated_types import Ge, GroupedMetadata, Gt, Interval, Le, Lt, MinLen
 
 from simpick.errors import ConfigError
+from simpick.json_text import load_json
 
 PositiveInt = Annotated[int, Ge(1)]
 NonNegativeInt = Annotated[int, Ge(0)]
@@ -48,6 +48,9 @@ NonNegativeFloat = Annotated[float, Ge(0)]
 Fraction = Annotated[float, Interval(ge=0, le=1)]
 
 _T = TypeVar("_T")
+_INTEGERS_END = 2**64
+"""Integers are smaller, whatever their sign: seeds have 64 bits, nothing has more."""
+_SHOWN_CHARACTERS = 200
 _UNIONS = (Union, types.UnionType)
 _Bound = tuple[str, Callable[[Any, Any], bool], Any]  # in words, the comparison, the limit
 _BOUNDS: dict[type, tuple[str, str, Callable[[Any, Any], bool]]] = {
@@ -105,11 +108,11 @@ def read_json(path: Path) -> dict[str, Any]:
         ConfigError: the file cannot be read, or is no JSON object; the message names the file.
     """
     try:
-        values = json.loads(path.read_text())
+        values = load_json(path.read_bytes())
     except (OSError, ValueError) as error:
         raise ConfigError(f"{path} must be a JSON file, cannot be read ({error})") from error
     if not isinstance(values, dict):
-        raise ConfigError(f"{path} must hold a JSON object, got {values!r}")
+        raise ConfigError(f"{path} must hold a JSON object, got {_shown(values)}")
     return values
 
 
@@ -131,7 +134,7 @@ def from_json(kind: type[_T], values: object, source: str = "", *, complete: boo
 
 def _build(kind: type[_T], values: object, path: str, complete: bool) -> _T:
     if not isinstance(values, dict):
-        raise ConfigError(f"{path or kind.__name__} must be an object with values by name, got {values!r}")
+        raise ConfigError(f"{path or kind.__name__} must be an object with values by name, got {_shown(values)}")
     prefix = f"{path}." if path else ""
     hints = field_types(kind)
     found = [_unknown(prefix, str(key), hints) for key in values if key not in hints]
@@ -233,9 +236,11 @@ def _is_a(value: Any, kind: Any) -> bool:
     if origin is Literal:
         return any(type(value) is type(choice) and value == choice for choice in arguments)
     if kind is int:
-        return isinstance(value, int | Integral) and not isinstance(value, bool)
+        return isinstance(value, int | Integral) and not isinstance(value, bool) and abs(int(value)) < _INTEGERS_END
     if kind is float:
-        return isinstance(value, float | Real) and not isinstance(value, bool) and bool(abs(value) < math.inf)  # type: ignore[operator]
+        # An integer may exceed all floats.
+        is_number = isinstance(value, float | Real) and not isinstance(value, bool)
+        return is_number and (_is_a(value, int) if isinstance(value, int) else bool(abs(value) < math.inf))  # type: ignore[operator]
     if origin is tuple and arguments:
         return isinstance(value, tuple) and len(value) == len(_item_types(kind, len(value)))
     kind = origin or kind
@@ -257,7 +262,11 @@ def _described(kind: Any) -> str:
 
 
 def _shown(value: Any) -> str:
-    return str(value) if isinstance(value, Real) else repr(value)
+    if isinstance(value, int) and abs(value) >= _INTEGERS_END:
+        # Python refuses to write out integers of more than 4300 digits.
+        return f"an integer of {value.bit_length()} bits"
+    text = str(value) if isinstance(value, Real) else repr(value)
+    return text if len(text) <= _SHOWN_CHARACTERS else f"{text[:_SHOWN_CHARACTERS]}..."
 
 
 def _missed(value: Any, bounds: tuple[_Bound, ...]) -> str:

@@ -8,6 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import safetensors
 from safetensors.torch import save as to_bytes
 
@@ -16,6 +17,7 @@ from simpick.errors import CheckpointError
 from simpick.estimators.detector.network import InstanceNetwork
 from simpick.estimators.detector.scores import MaskScore
 from simpick.estimators.raypose.strict_weights import check_weights
+from simpick.json_text import load_json
 
 FORMAT = "simpick-detector"
 VERSION = "2"
@@ -80,9 +82,13 @@ def load_detector_checkpoint(path: Path) -> DetectorCheckpoint:
     check_weights(path, tensors, network.state_dict(), "simpick's detector")
     network.load_state_dict({name: t.float() if t.is_floating_point() else t for name, t in tensors.items()})
     try:
-        intercept, *weights = (float(value) for value in json.loads(header["score"]))
-        card = json.loads(header["card"])
-    except (KeyError, TypeError, ValueError) as error:
+        intercept, *weights = (float(value) for value in load_json(header["score"]))
+        if not np.isfinite([intercept, *weights]).all():
+            raise ValueError(f"the score's weights must be finite, got {[intercept, *weights]}")
+        card = load_json(header["card"])
+        if not isinstance(card, dict):
+            raise ValueError("it must be an object")
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise CheckpointError(f"the card of {path} cannot be read ({error}); get the file again") from error
     return DetectorCheckpoint(network.eval(), MaskScore(intercept, tuple(weights)), card)
 

@@ -18,6 +18,7 @@ from simpick.errors import CheckpointError
 from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.network.model import RayPose
 from simpick.estimators.raypose.strict_weights import check_weights
+from simpick.json_text import load_json
 
 FORMAT = "simpick-raypose"
 VERSION = "4"
@@ -66,8 +67,10 @@ def load_checkpoint(path: Path, *, dino_weights: Path | None = None) -> Checkpoi
     """
     header, tensors = _read(path)
     try:
-        config = from_json(RayPoseConfig, json.loads(header["config"]), complete=True)
-        card = json.loads(header["card"])
+        config = from_json(RayPoseConfig, load_json(header["config"]), complete=True)
+        card = load_json(header["card"])
+        if not isinstance(card, dict):
+            raise ValueError("it must be an object")
     except (KeyError, TypeError, ValueError) as error:
         raise CheckpointError(f"the configuration in {path} cannot be read ({error}); get the file again") from error
     model = RayPose(config)

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from simpick.bop.json_files import checked_list, checked_numbers, required_numbers
 from simpick.errors import ConfigError, DatasetError
 from simpick.geometry.pinhole import Pinhole
 from simpick.geometry.symmetry import ContinuousSymmetry, SymmetryGroup
@@ -95,24 +96,18 @@ def symmetries_from_bop(info: dict[str, Any], T_model_part: Float[np.ndarray, "4
     """Return the symmetries of a ``models_info`` entry, conjugated into the part frame and in metres."""
     T_part_model = invert(T_model_part)
     discrete = []
-    for k, values in enumerate(info.get("symmetries_discrete") or []):
-        S = np.asarray(values, float)
-        if S.size != 16:
-            raise DatasetError(f"{where}: symmetries_discrete[{k}] must have 16 numbers (4 x 4), has {S.size}.")
-        S = S.reshape(4, 4).copy()
+    for k, values in enumerate(checked_list(info.get("symmetries_discrete") or [], f"{where}: symmetries_discrete")):
+        S = checked_numbers(values, 16, f"{where}: symmetries_discrete[{k}]").reshape(4, 4)
         check_rotation(S[:3, :3], f"{where}: symmetries_discrete[{k}]")
         S[:3, 3] /= MM_PER_M
         discrete.append(T_part_model @ S @ T_model_part)
     continuous = []
-    for k, entry in enumerate(info.get("symmetries_continuous") or []):
-        try:
-            axis, offset = np.asarray(entry["axis"], float), np.asarray(entry["offset"], float)
-        except (KeyError, TypeError, ValueError) as error:
-            raise DatasetError(f"{where}: symmetries_continuous[{k}] must have 'axis' and 'offset'.") from error
-        if axis.shape != (3,) or offset.shape != (3,) or not np.linalg.norm(axis) > 0:
-            raise DatasetError(
-                f"{where}: symmetries_continuous[{k}] must have 3 numbers in 'axis', not all 0, and 3 in 'offset'."
-            )
+    for k, entry in enumerate(checked_list(info.get("symmetries_continuous") or [], f"{where}: symmetries_continuous")):
+        axis, offset = (
+            required_numbers(entry, key, 3, f"{where}: symmetries_continuous[{k}]") for key in ("axis", "offset")
+        )
+        if not np.linalg.norm(axis) > 0:
+            raise DatasetError(f"{where}: symmetries_continuous[{k}] must have an axis that is not 0.")
         axis_part = T_part_model[:3, :3] @ (axis / np.linalg.norm(axis))
         offset_part = T_part_model[:3, :3] @ (offset / MM_PER_M) + T_part_model[:3, 3]
         continuous.append(ContinuousSymmetry.of(axis_part, offset_part))

@@ -116,4 +116,10 @@ def _parse(entry: Any, where: str) -> BopDetection:
             )
         box = np.array([x, y, x + width, y + height])
     time_s = float(required_numbers(entry, "time", 1, where)[0]) if "time" in entry else -1.0
-    return BopDetection(scene_id, im_id, obj_id, score, box, entry.get("segmentation") or None, time_s, where)
+    segmentation = entry.get("segmentation") or None
+    if not isinstance(segmentation, dict | None):
+        raise DatasetError(
+            f"{where}, key 'segmentation': must be RLE with 'size' and 'counts', got {segmentation!r:.60}; polygons "
+            "are not supported."
+        )
+    return BopDetection(scene_id, im_id, obj_id, score, box, segmentation, time_s, where)

@@ -15,7 +15,7 @@ from trimesh.visual.texture import TextureVisuals
 from simpick.assets.face_colours import face_colours, vertex_colours
 from simpick.assets.part import Material, Part
 from simpick.bop.conventions import MM_PER_M, symmetries_from_bop
-from simpick.bop.json_files import read_json_by_id, required_numbers
+from simpick.bop.json_files import positive_number, read_json_by_id
 from simpick.bop.ply import read_ply
 from simpick.errors import DatasetError
 from simpick.geometry.transforms import invert, transform, transform_points
@@ -23,6 +23,7 @@ from simpick.geometry.transforms import invert, transform, transform_points
 MIN_DIAMETER_MM, MAX_DIAMETER_MM = 2.0, 3000.0
 """Parts that a robot picks lie between; models in metres or micrometres do not."""
 
+_DIAMETER_REMEDY = "It is the largest distance of two vertices, in millimetres."
 _DIAMETER_TOLERANCE = 1.5
 """``models_info`` may describe the decimated mesh, so the check only detects a wrong unit."""
 
@@ -96,7 +97,7 @@ class BopModels:
         """Return the diameter that scales BOP's thresholds, from the eval models' ``models_info.json``."""
         where = f"{self.eval_folder / 'models_info.json'}, object {obj_id}"
         entry = self.eval_info.get(obj_id, self._entry(obj_id))
-        return float(required_numbers(entry, "diameter", 1, where)[0]) / MM_PER_M
+        return positive_number(entry, "diameter", where, _DIAMETER_REMEDY) / MM_PER_M
 
     def eval_points_m(self, obj_id: int) -> Float[np.ndarray, "n 3"]:
         """Return the vertices that BOP measures errors on (the eval model's), in metres, in the part frame."""
@@ -129,7 +130,7 @@ class BopModels:
         entry = self._entry(obj_id)
         path = folder / f"obj_{obj_id:06d}.ply"
         mesh = read_ply(path, self._present(folder))
-        self._check_unit(mesh, required_numbers(entry, "diameter", 1, self._where(obj_id))[0], path)
+        self._check_unit(mesh, positive_number(entry, "diameter", self._where(obj_id), _DIAMETER_REMEDY), path)
         material, colours = _material(mesh), vertex_colours(mesh)
         vertices_m = mesh.vertices / MM_PER_M
         T_model_part = transform(translation=(vertices_m.min(axis=0) + vertices_m.max(axis=0)) / 2)

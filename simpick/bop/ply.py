@@ -26,6 +26,8 @@ def read_ply(path: Path, present: str) -> trimesh.Trimesh:
         raise DatasetError(f"{path}: has no triangles; simpick needs a mesh, not a point cloud.")
     if not np.isfinite(mesh.vertices).all():
         raise DatasetError(f"{path}: has vertices that are not finite; check the model.")
+    if not (mesh.faces.min() >= 0 and mesh.faces.max() < len(mesh.vertices)):
+        raise DatasetError(f"{path}: has faces of vertices that it lacks; the file is damaged, fetch it again.")
     return mesh
 
 

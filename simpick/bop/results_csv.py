@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from simpick.bop.conventions import bop_from_transform, check_object_distance, transform_from_bop
+from simpick.bop.json_files import MAX_ID, MAX_NUMBER, id_from_text, number_from_text
 from simpick.caching import atomic_write_text
 from simpick.errors import ConfigError, DatasetError
 
@@ -87,10 +88,8 @@ def _parse(line: str, where: str) -> BopResult:
     fields = line.split(",")
     if len(fields) != 7:
         raise DatasetError(f"{where}: must have 7 fields separated by commas ({HEADER}), has {len(fields)}.")
-    scene_id, im_id, obj_id = (
-        int(_floats(field, 1, name, where, whole=True)[0])
-        for name, field in zip(("scene_id", "im_id", "obj_id"), fields[:3], strict=True)
-    )
+    names = ("scene_id", "im_id", "obj_id")
+    scene_id, im_id, obj_id = (_id(field, name, where) for name, field in zip(names, fields[:3], strict=True))
     score = float(_floats(fields[3], 1, "score", where)[0])
     R = _floats(fields[4], 9, "R", where).reshape(3, 3)
     t_mm = _floats(fields[5], 3, "t", where)
@@ -102,17 +101,24 @@ def _parse(line: str, where: str) -> BopResult:
     return BopResult(scene_id, im_id, obj_id, score, T_camera_model, float(_floats(fields[6], 1, "time", where)[0]))
 
 
-def _floats(field: str, count: int, name: str, where: str, *, whole: bool = False) -> Float[np.ndarray, "{count}"]:
+def _floats(field: str, count: int, name: str, where: str) -> Float[np.ndarray, "{count}"]:
     """Return the field's numbers, separated by spaces."""
     texts = field.split()
     if len(texts) != count:
         hint = ", row by row, separated by spaces" if count > 1 else ""
         raise DatasetError(f"{where}: {name} must have {count} number{'s' * (count > 1)}{hint}, has {len(texts)}.")
     try:
-        values = np.array([int(text) if whole else float(text) for text in texts], float)
+        values = np.array([number_from_text(text) for text in texts], float)
     except ValueError as error:
-        kind = "a whole number" if whole else "numbers"
-        raise DatasetError(f"{where}: {name} must be {kind}, got {field.strip()!r}.") from error
-    if not np.isfinite(values).all():
-        raise DatasetError(f"{where}: {name} must be finite, got {field.strip()!r}.")
+        raise DatasetError(f"{where}: {name} must be numbers, got {field.strip()[:100]!r}.") from error
+    # NaN fails every comparison.
+    if not (np.abs(values) <= MAX_NUMBER).all():
+        raise DatasetError(f"{where}: {name} must be finite and at most {MAX_NUMBER:g}, got {field.strip()[:100]!r}.")
     return values
+
+
+def _id(field: str, name: str, where: str) -> int:
+    value = id_from_text(field.strip())
+    if value is None:
+        raise DatasetError(f"{where}: {name} must be a whole number from 0 to {MAX_ID}, got {field.strip()[:100]!r}.")
+    return value

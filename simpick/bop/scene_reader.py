@@ -13,7 +13,14 @@ from jaxtyping import Bool, Float
 
 from simpick.bop.conventions import check_object_distance, pinhole_from_bop, transform_from_bop
 from simpick.bop.images import find_image, read_color, read_depth, read_mask
-from simpick.bop.json_files import numbers, read_json_by_id, required_id, required_numbers
+from simpick.bop.json_files import (
+    checked_list,
+    numbers,
+    positive_number,
+    read_json_by_id,
+    required_id,
+    required_numbers,
+)
 from simpick.bop.models import BopModels
 from simpick.errors import DatasetError
 from simpick.geometry.image_boxes import box_of_mask
@@ -83,7 +90,7 @@ class BopScene:
                 f"{where}: no entry for this image, although scene_camera has one; write an empty list if nothing is "
                 "annotated."
             )
-        entries, infos = self._gt[im_id], self._gt_info(im_id)
+        entries, infos = checked_list(self._gt[im_id], where), self._gt_info(im_id)
         if infos is not None and len(infos) != len(entries):
             raise DatasetError(
                 f"{self._where('scene_gt_info', im_id)}: has {len(infos)} entries, but scene_gt has {len(entries)}; "
@@ -155,7 +162,8 @@ class BopScene:
         return read_json_by_id(path, "") if path.is_file() else None
 
     def _gt_info(self, im_id: int) -> list[Any] | None:
-        return None if self._gt_infos is None else self._gt_infos.get(im_id)
+        infos = None if self._gt_infos is None else self._gt_infos.get(im_id)
+        return None if infos is None else checked_list(infos, self._where("scene_gt_info", im_id))
 
     def _truth(self, gt_id: int, entry: Any, info: Any, where: str) -> BopTruth:
         obj_id = required_id(entry, "obj_id", where)
@@ -165,7 +173,11 @@ class BopScene:
         T_camera_model = transform_from_bop(R, t_mm, f"{where}, key 'cam_R_m2c'")
         part = self.models.part(obj_id)
         fraction = None if info is None else numbers(info, "visib_fract", 1, where)
+        if fraction is not None and not 0 <= fraction[0] <= 1:
+            raise DatasetError(f"{where}: visib_fract of scene_gt_info must be from 0 to 1, got {fraction[0]:g}.")
         pixels = None if info is None else numbers(info, "px_count_visib", 1, where)
+        if pixels is not None and pixels[0] < 0:
+            raise DatasetError(f"{where}: px_count_visib of scene_gt_info must be at least 0, got {pixels[0]:g}.")
         return BopTruth(
             gt_id,
             obj_id,
@@ -181,7 +193,11 @@ class BopScene:
                 f"{self._file('scene_camera')}: has no image {im_id}. Images: {_ranges(self.im_ids)}. Check the "
                 "frame's id."
             )
-        return self._cameras[im_id]
+        entry = self._cameras[im_id]
+        if not isinstance(entry, dict):
+            where = self._where("scene_camera", im_id)
+            raise DatasetError(f"{where}: expected an object with cam_K, got a {type(entry).__name__}.")
+        return entry
 
     def _color_path(self, im_id: int) -> Path:
         folders = [f"{kind}{self._suffix}" for kind in ("rgb", "gray")]
@@ -200,7 +216,8 @@ class BopScene:
         if path is None:
             return None
         where = self._where("scene_camera", im_id)
-        depth_m = read_depth(path, float(required_numbers(self._camera_entry(im_id), "depth_scale", 1, where)[0]))
+        remedy = "It is the length of one step of the depth images, in millimetres."
+        depth_m = read_depth(path, positive_number(self._camera_entry(im_id), "depth_scale", where, remedy))
         self._check_shape(path, depth_m.shape, shape)
         return depth_m
 

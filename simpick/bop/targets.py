@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from simpick.bop.json_files import read_json, required_id
+from simpick.bop.json_files import checked_id, read_json, required_id
 from simpick.errors import DatasetError
 
 MIN_VISIBLE_FRACTION = 0.1
@@ -33,7 +33,10 @@ def read_targets(path: Path) -> tuple[BopTarget, ...]:
     for k, entry in enumerate(entries):
         where = f"{path}, entry {k}"
         views = entry.get("im_ids") if isinstance(entry, dict) else None
-        im_ids = views if isinstance(views, list) else [required_id(entry, "im_id", where)]
+        if isinstance(views, list):
+            im_ids = [checked_id(view, f"{where}, key 'im_ids'") for view in views]
+        else:
+            im_ids = [required_id(entry, "im_id", where)]
         scene_id = required_id(entry, "scene_id", where)
         obj_id = required_id(entry, "obj_id", where) if "obj_id" in entry else None
         count = required_id(entry, "inst_count", where) if "inst_count" in entry else None

@@ -123,7 +123,13 @@ class Evaluate(Config):
             return dataset.models.part(dataset.models.obj_id(name))
 
         if self.results is not None:
-            method, results = self.results.stem, read_results(self.results)
+            method, found = self.results.stem, read_results(self.results)
+            results = bop_evaluation.known_results(dataset, found, self.results)
+            if len(results) < len(found):
+                console.print_line(
+                    f"note: {len(found) - len(results)} of {len(found)} estimates are of scenes or images that the "
+                    "split does not have"
+                )
             if failed := sum(result.is_failed for result in results):
                 console.print_line(f"note: {failed} of {len(results)} estimates failed (t = 0) and count as misses")
             source = FileSource(bop_evaluation.estimates_from_results(dataset, results, method))

@@ -17,7 +17,6 @@ All of them put the centre of the top left pixel at (0, 0).
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -28,6 +27,7 @@ import yaml
 from jaxtyping import Float
 
 from simpick.errors import CameraFileError
+from simpick.json_text import load_json
 from simpick.photos.calibration import Calibration, LensModel
 
 _MATRIX = ("camera_matrix", "cameraMatrix", "CameraMatrix", "K", "k", "mtx", "intrinsic_matrix", "cam_K")
@@ -42,6 +42,9 @@ _ROS_LENSES: dict[str, LensModel] = {
 _REALSENSE_LENSES: dict[str, LensModel] = {
     "none": "brown_conrady", "brown_conrady": "brown_conrady", "kannala_brandt4": "fisheye",
 }  # fmt: skip
+_MOST_ITEMS = 1000
+"""Under one key; a matrix has 16, and lenses have 14 coefficients."""
+_MOST_PX = 100_000
 _FORMATS = "OpenCV YAML or JSON, ROS camera_info YAML, BOP camera.json, or RealSense intrinsics as JSON"
 
 
@@ -90,7 +93,7 @@ def _ros(content: Mapping[str, Any], path: Path, *, rectified: bool) -> Calibrat
 
 def _realsense(content: Mapping[str, Any], path: Path) -> Calibration:
     K = _matrix_of(*(_number(content, key, path) for key in ("fx", "fy", "ppx", "ppy")))
-    coefficients = tuple(np.ravel(content.get("coeffs") or []).astype(float).tolist())
+    coefficients = tuple(_floats(content.get("coeffs") or [], f"{path}, key 'coeffs'"))
     named = re.sub(r"[\s_]+", "_", str(content.get("model", "none")).lower().rpartition(".")[2]).strip("_")
     if not any(coefficients):
         named, coefficients = "none", ()
@@ -127,11 +130,11 @@ def _parse(path: Path) -> dict[Any, Any]:
         raise CameraFileError(f"{path}: is no readable text file ({error}). Give {_FORMATS}") from error
     try:
         if path.suffix.lower() == ".json":
-            content = json.loads(text)
+            content = load_json(text)
         else:
             # OpenCV's directive %YAML:1.0 is not YAML's own; ROS ends messages with the mark of a next document.
             content = next(yaml.load_all(re.sub(r"\A%YAML.*\n", "", text), _Loader), None)
-    except (ValueError, yaml.YAMLError) as error:
+    except (ValueError, RecursionError, yaml.YAMLError) as error:
         raise CameraFileError(f"{path}: is neither JSON nor YAML ({' '.join(str(error).split())})") from error
     if not isinstance(content, dict):
         raise CameraFileError(f"{path}: must hold named values, got a {type(content).__name__}. Give {_FORMATS}")
@@ -171,21 +174,37 @@ def _floats(value: Any, where: str) -> list[float]:
     """Return all numbers of a nested list; of a mapping those under ``data``."""
     if isinstance(value, dict):
         value = value.get("data")
-    if isinstance(value, list):
-        return [number for item in value for number in _floats(item, where)]
+    found: list[float] = []
+    remaining = [value]
+    # Aliases of YAML can make a short file hold billions of numbers, or a list that holds itself.
+    for _ in range(_MOST_ITEMS):
+        if not remaining:
+            return found
+        item = remaining.pop()
+        if isinstance(item, list):
+            remaining.extend(reversed(item[:_MOST_ITEMS]))
+        else:
+            found.append(_float(item, where))
+    raise CameraFileError(f"{where}: must hold at most {_MOST_ITEMS} numbers and lists, and none that holds itself")
+
+
+def _float(value: Any, where: str) -> float:
     try:
         number = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = float("nan")
     if not np.isfinite(number):
-        raise CameraFileError(f"{where}: must hold finite numbers, got {value!r}")
-    return [number]
+        raise CameraFileError(f"{where}: must hold finite numbers, got {value!r:.100}")
+    return number
 
 
 def _number(content: Mapping[str, Any], key: str, path: Path) -> float:
     if key not in content:
         raise CameraFileError(f"{path}: has no key {key!r}, only {', '.join(map(str, content))}")
-    return _floats(content[key], f"{path}, key {key!r}")[0]
+    values = _floats(content[key], f"{path}, key {key!r}")
+    if len(values) != 1:
+        raise CameraFileError(f"{path}, key {key!r}: must be one number, got {len(values)}")
+    return values[0]
 
 
 def _size(content: Mapping[str, Any], path: Path) -> tuple[int, int] | None:
@@ -198,8 +217,10 @@ def _size(content: Mapping[str, Any], path: Path) -> tuple[int, int] | None:
         values = [_number(content, str(key), path) for key in keys]
     if values is None:
         return None
-    if any(value != int(value) or value < 1 for value in values):
-        raise CameraFileError(f"{path}: width and height must be whole numbers of pixels, got {values}")
+    if any(value != int(value) or not 1 <= value <= _MOST_PX for value in values):
+        raise CameraFileError(
+            f"{path}: width and height must be whole numbers of pixels from 1 to {_MOST_PX}, got {values}"
+        )
     return int(values[0]), int(values[1])
 
 

@@ -11,6 +11,7 @@ import json
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -23,6 +24,7 @@ from simpick.errors import ArrayFileError, ConfigError
 from simpick.estimators.base import Detector, OnboardingDetector, PoseEstimator
 from simpick.estimators.boundary import onboard_part
 from simpick.geometry import ContinuousSymmetry, SymmetryGroup
+from simpick.json_text import load_json
 
 SUFFIX = ".simpick"
 """Of onboarding files."""
@@ -66,18 +68,25 @@ def load_onboarding(path: Path) -> Part:
         raise ArrayFileError(
             f"no onboarding file {path}. Make it with: simpick parts onboard PART --out {path}"
         ) from error
-    if "meta" not in arrays or (meta := json.loads(arrays["meta"].tobytes())).get("format") != _FORMAT:
+    meta = _object(arrays, "meta")
+    if meta.get("format") != _FORMAT:
         raise ArrayFileError(f"{path} must be an onboarding file ({_FORMAT}); make it with: simpick parts onboard")
-    here, there = _versions(), meta["versions"]
+    here, there = _versions(), meta.get("versions")
+    there = there if isinstance(there, dict) else {}
     if differing := [name for name in here if here[name] != there.get(name)]:
         texts = ", ".join(f"{name} {there.get(name)} instead of {here[name]}" for name in differing)
         raise ConfigError(f"{path} was made with {texts}; install the same versions here, or make the file again")
-    part = _part_from(arrays)
-    if part.content_hash != meta["hash"]:
+    try:
+        part = _part_from(arrays)
+    except (KeyError, TypeError, ValueError, IndexError, OverflowError) as error:
+        raise ArrayFileError(f"{path}: the part in it is damaged ({error}); make the file again") from error
+    if part.content_hash != meta.get("hash"):
         raise ArrayFileError(f"{path}: the part in it is not the one that was onboarded; make the file again")
     for name, content in arrays.items():
         target = cache_dir() / name.removeprefix(_CACHED)
-        if name.startswith(_CACHED) and ".." not in name and not target.exists():
+        # A name such as "cache//etc/x" or "cache/../x" must not lead out of the cache.
+        is_inside = ".." not in target.parts and target.is_relative_to(cache_dir())
+        if name.startswith(_CACHED) and is_inside and not target.exists():
             atomic_write_bytes(target, content.tobytes())
     return part
 
@@ -117,7 +126,7 @@ def _arrays_of(part: Part) -> dict[str, np.ndarray]:
 
 
 def _part_from(arrays: dict[str, np.ndarray]) -> Part:
-    fields = json.loads(arrays["part"].tobytes())
+    fields = _object(arrays, "part")
     rgb, specular, shininess, reflectance = fields["material"]
 
     def mesh(name: str) -> trimesh.Trimesh:
@@ -139,6 +148,15 @@ def _part_from(arrays: dict[str, np.ndarray]) -> Part:
 
 def _versions() -> dict[str, str]:
     return {"simpick": version("simpick"), "mujoco": mujoco.__version__, "torch": torch.__version__}
+
+
+def _object(arrays: dict[str, np.ndarray], name: str) -> dict[str, Any]:
+    """Return the JSON object that an array holds; empty where it holds none."""
+    try:
+        content = load_json(arrays[name].tobytes())
+    except (KeyError, ValueError):
+        content = {}
+    return content if isinstance(content, dict) else {}
 
 
 def _text(content: object) -> np.ndarray:

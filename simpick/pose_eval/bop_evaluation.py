@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -113,6 +114,23 @@ def known_detections(dataset: BopDataset, detections: Sequence[BopDetection]) ->
     """Return the detections of objects that the data set has models of."""
     known = set(dataset.models.obj_ids)
     return [detection for detection in detections if detection.obj_id in known]
+
+
+def known_results(dataset: BopDataset, results: Sequence[BopResult], path: Path) -> list[BopResult]:
+    """Return the results of images that the split has; `path` names their file in errors.
+
+    Raises `DatasetError` if there are none among them.
+    """
+    scenes = {result.scene_id for result in results} & set(dataset.scene_ids)
+    images = {(scene_id, im_id) for scene_id in scenes for im_id in dataset.scene(scene_id).im_ids}
+    known = [result for result in results if (result.scene_id, result.im_id) in images]
+    if results and not known:
+        raise DatasetError(
+            f"{path}: has no line of an image of {dataset.root / dataset.split}. It begins with scene "
+            f"{results[0].scene_id}, image {results[0].im_id}; scenes there: "
+            f"{', '.join(map(str, dataset.scene_ids[:10]))}. Choose the split of these results."
+        )
+    return known
 
 
 def estimates_from_results(

@@ -11,11 +11,31 @@ import numpy as np
 from jaxtyping import Float
 
 from simpick.caching import read_arrays, write_arrays
-from simpick.config import from_json
-from simpick.errors import OutputError, SceneError
+from simpick.config import Config, NonNegativeInt, from_json
+from simpick.errors import ConfigError, OutputError, SceneError
+from simpick.json_text import load_json
 from simpick.scene.config import SceneConfig
 
 _FORMAT = "simpick-scene-2"
+
+
+@dataclass(frozen=True)
+class _Header(Config):
+    """The values of the file that are no arrays."""
+
+    mujoco: str
+    config: SceneConfig
+    seed: NonNegativeInt
+    part_hashes: tuple[str, ...]
+    removed: tuple[NonNegativeInt, ...]
+    redropped: NonNegativeInt
+
+    def _check_rules(self) -> None:
+        instances = len(self.part_hashes)
+        if len(set(self.removed)) < len(self.removed) or max(self.removed, default=-1) >= instances:
+            raise ConfigError(f"removed must hold different instances below {instances}, got {self.removed}")
+
+
 _SLEEP_PREFIX = "sleep/"
 STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 """All that MuJoCo integrates, controls and warm start included."""
@@ -63,25 +83,35 @@ def read_archive(path: Path) -> SceneArchive:
     """Read what `write_archive` wrote; raises SceneError where the file is missing, foreign or corrupt."""
     try:
         arrays = read_arrays(path)
-        header = json.loads(str(arrays["header"]))
-        if header["format"] != _FORMAT:
-            raise SceneError(f"{path} must have the format {_FORMAT}, got {header['format']}; build the scene again")
+        content = load_json(str(arrays["header"]))
+        if not isinstance(content, dict) or (found := content.pop("format", None)) is None:
+            raise ValueError("its header states no format")
+        if found != _FORMAT:
+            raise SceneError(f"{path} must have the format {_FORMAT}, got {found!s:.60}; build the scene again")
+        header = from_json(_Header, content, complete=True)
         return SceneArchive(
-            mujoco_version=header["mujoco"],
-            config=from_json(SceneConfig, header["config"], complete=True),
-            seed=header["seed"],
-            part_hashes=tuple(header["part_hashes"]),
-            removed=tuple(header["removed"]),
-            redropped=header["redropped"],
-            state=arrays["state"],
+            mujoco_version=header.mujoco,
+            config=header.config,
+            seed=header.seed,
+            part_hashes=header.part_hashes,
+            removed=header.removed,
+            redropped=header.redropped,
+            state=_numbers(arrays, "state"),
             sleep={
                 name.removeprefix(_SLEEP_PREFIX): value
                 for name, value in arrays.items()
                 if name.startswith(_SLEEP_PREFIX)
             },
-            adhesion_n=arrays["adhesion_n"],
+            adhesion_n=_numbers(arrays, "adhesion_n"),
         )
     except FileNotFoundError as error:
         raise SceneError(f"no scene file at {path}; write one with Scene.save") from error
     except (OSError, ValueError, KeyError) as error:
         raise SceneError(f"{path} is not a scene file that simpick wrote: {error}") from error
+
+
+def _numbers(arrays: dict[str, np.ndarray], name: str) -> Float[np.ndarray, "n"]:
+    values = arrays[name]
+    if values.dtype != np.float64 or values.ndim != 1 or not np.isfinite(values).all():
+        raise ValueError(f"{name} must hold finite numbers in double precision, in one dimension")
+    return values

@@ -247,6 +247,11 @@ class Scene:
             )
         config, seed = archive.config, archive.seed
         parts = draw_parts([get_part(name) for name in config.parts], config.count, seed)
+        if len(archive.part_hashes) != len(parts):
+            raise SceneError(
+                f"{path} must hold {len(parts)} parts, as its configuration says, has {len(archive.part_hashes)}; "
+                "build the scene again"
+            )
         for part, expected in zip(parts, archive.part_hashes, strict=True):
             if part.content_hash != expected:
                 raise SceneError(
@@ -254,11 +259,26 @@ class Scene:
                     f" {part.content_hash}: its shape, material or density has changed; build the scene again"
                 )
         scene = Scene(config, seed, parts, compose_scene(config, parts, seed).compile())
+        scene._check_fit(archive, path)
         scene.redropped = archive.redropped
         scene._removed = set(archive.removed)
         scene.model.geom_adhesion[:] = archive.adhesion_n
         scene._restore(archive.state, archive.sleep)
         return scene
+
+    def _check_fit(self, archive: SceneArchive, path: Path) -> None:
+        """Raise SceneError unless the archive's arrays fit the model: numpy broadcasts, and MuJoCo trusts indices."""
+        model, own = self.model, sleep_state(self.data)
+        expected = {"state": np.zeros(mujoco.mj_stateSize(model, STATE)), "adhesion_n": model.geom_adhesion, **own}
+        found = {"state": archive.state, "adhesion_n": archive.adhesion_n, **archive.sleep}
+        wrong = [name for name, array in expected.items() if not _is_like(found.get(name), array)]
+        most = max(model.nbody, model.nv)
+        wrong += [n for n in own if n not in wrong and own[n].dtype.kind == "i" and found[n].max(initial=0) > most]
+        if wrong:
+            raise SceneError(
+                f"{path} does not fit the scene that it describes: {', '.join(wrong)} must have the model's length and "
+                "range; build the scene again"
+            )
 
     def _restore(self, state: Float[np.ndarray, "state"], sleep: dict[str, np.ndarray]) -> None:
         mujoco.mj_setState(self.model, self.data, state, STATE)
@@ -267,3 +287,7 @@ class Scene:
         mujoco.mj_setState(self.model, self.data, state, STATE)
         restore_sleep_state(self.data, sleep)
         self.update_kinematics()
+
+
+def _is_like(array: np.ndarray | None, expected: np.ndarray) -> bool:
+    return array is not None and array.shape == expected.shape and array.dtype == expected.dtype

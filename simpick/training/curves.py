@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 import rerun as rr
 
 from simpick.errors import DatasetError
+from simpick.json_text import load_json
 from simpick.plotting import new_figure, save_figure
 from simpick.recording.recording_file import RecordingFile
 
@@ -43,11 +43,11 @@ def read_log(file: Path) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
     for number, line in enumerate(lines, 1):
         try:
-            row = json.loads(line)
+            row = load_json(line)
             step = int(row["step"])
             if not (row["split"] in ("train", "validation") and all(name in row for name in COUNTERS)):
                 raise ValueError("it lacks a counter, or its split is unknown")
-        except (ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, OverflowError) as error:
             if number == len(lines):
                 break
             raise DatasetError(f"line {number} of {file} must be a row of a training log: {error}") from error

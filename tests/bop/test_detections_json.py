@@ -59,7 +59,7 @@ def test_gzipped_files_are_read(tmp_path):
     ("change", "text"),
     [
         ({"category_id": "2"}, r"detections\.json, entry 1, key 'category_id': must be a whole number, got '2'"),
-        ({"score": None}, r"entry 1, key 'score': numbers must be finite"),
+        ({"score": None}, r"entry 1, key 'score': expected 1 numbers, got None"),
         ({"bbox": [1, 2, 3]}, r"entry 1, key 'bbox': expected 4 numbers, got 3"),
         ({"bbox": [9, 9, -3, 4]}, r"entry 1, key 'bbox': must be x, y, width, height with no negative size"),
     ],

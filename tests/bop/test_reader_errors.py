@@ -220,7 +220,7 @@ def test_mesh_that_is_no_mesh(root):
 
 def test_symmetry_with_too_few_numbers(root):
     _edit(root / "models/models_info.json", lambda info: info["1"].update(symmetries_discrete=[[1.0] * 9]))
-    with _refuses(r"models_info\.json, object 1: symmetries_discrete\[0\] must have 16 numbers \(4 x 4\), has 9"):
+    with _refuses(r"models_info\.json, object 1: symmetries_discrete\[0\]: expected 16 numbers, got 9"):
         BopDataset(root).models.part(1)
 
 

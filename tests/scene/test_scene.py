@@ -1,8 +1,10 @@
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from simpick.caching import read_arrays, write_arrays
 from simpick.errors import OutputError, SceneError, SimulationFaultError, UnknownNameError
 from simpick.geometry.transforms import transform
 from simpick.scene import ContactGroup, Scene, SceneConfig, build_scene
@@ -183,3 +185,47 @@ def test_a_part_that_has_changed_since_saving_is_noticed(scene, tmp_path):
     write_archive(path, replace(archive, part_hashes=("0" * 16, *archive.part_hashes[1:])))
     with pytest.raises(SceneError, match=r"must have the content hash 0{16} of the scene in"):
         Scene.load(path)
+
+
+@pytest.fixture(scope="module")
+def saved(config, tmp_path_factory):
+    return build_scene(config, seed=1).save(tmp_path_factory.mktemp("scenes") / "scene.npz")
+
+
+def rewritten(saved, path, change):
+    """Write a scene file again with some of its arrays, and values of its header, changed."""
+    arrays = read_arrays(saved)
+    header = json.loads(str(arrays["header"]))
+    change(arrays, header)
+    write_arrays(path, arrays | {"header": np.array(json.dumps(header))})
+    return path
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (lambda a, h: a.update(state=a["state"][:1]), "does not fit the scene that it describes: state must have"),
+        (lambda a, h: a.update(adhesion_n=a["adhesion_n"][:1]), "describes: adhesion_n must have the model's length"),
+        (lambda a, h: a.update({"sleep/qacc": a["sleep/qacc"][:1]}), "describes: qacc must have"),
+        (
+            lambda a, h: a.update({"sleep/body_awake_ind": a["sleep/body_awake_ind"] + 10**6}),
+            "body_awake_ind must have",
+        ),
+        (lambda a, h: a.pop("sleep/tree_awake"), "describes: tree_awake must have"),
+        (lambda a, h: a.update(state=a["state"].astype(complex)), "state must hold finite numbers in double precision"),
+        (lambda a, h: a.update(state=a["state"] * np.nan), "state must hold finite numbers"),
+        (lambda a, h: h.update(seed=-1), r"seed must be at least 0, got -1"),
+        (lambda a, h: h.update(seed=10**400), r"seed must be an integer, got an integer of 1329 bits"),
+        (lambda a, h: h.update(removed=[0, 99]), "removed must hold different instances below"),
+        (lambda a, h: h.update(removed=None), "removed must be a tuple"),
+        (
+            lambda a, h: h.update(part_hashes=h["part_hashes"][1:]),
+            "must hold 8 parts, as its configuration says, has 7",
+        ),
+        (lambda a, h: h.pop("mujoco"), "mujoco is missing"),
+        (lambda a, h: h.pop("format"), "its header states no format"),
+    ],
+)
+def test_numbers_that_do_not_fit_are_refused(change, expected, saved, tmp_path):
+    with pytest.raises(SceneError, match=expected):
+        Scene.load(rewritten(saved, tmp_path / "scene.npz", change))

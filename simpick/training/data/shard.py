@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float, Float16, Int, UInt8
 from simpick.caching import read_arrays, write_arrays
 from simpick.errors import DatasetError
 from simpick.geometry import ContinuousSymmetry, Pinhole, SymmetryGroup
+from simpick.json_text import load_json
 from simpick.rendering import TemplateSet
 from simpick.rendering.templates import depth_from_steps, steps_from_depth
 
@@ -116,7 +117,7 @@ class Shard:
             return _from_arrays(header, arrays)
         except FileNotFoundError as error:
             raise DatasetError(f"there is no shard {path}; make it with `make_shard`") from error
-        except (ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, IndexError, OverflowError, AttributeError) as error:
             if isinstance(error, DatasetError):
                 raise
             raise DatasetError(f"{path} must be a whole shard, is damaged or foreign ({error}); delete it") from error
@@ -136,7 +137,7 @@ _QUERY_ARRAYS = (
 
 
 def _read_header(path: Path, content: bytes) -> dict[str, Any]:
-    header = json.loads(content)
+    header = load_json(content)
     if not isinstance(header, dict) or header.get("format") != _FORMAT:
         raise DatasetError(f"{path} must be a shard of training data, has another format")
     if header.get("version") != _VERSION:

@@ -153,6 +153,20 @@ def test_weights_that_are_no_numbers(saved: Path, value: float) -> None:
     assert error_of(saved) == f"the weights in {saved} must be finite numbers; get the file again"
 
 
+@pytest.mark.parametrize("kind", [torch.int32, torch.int64, torch.uint8, torch.bool, torch.complex64])
+def test_weights_of_another_type(saved: Path, kind: torch.dtype) -> None:
+    with safe_open(saved, "pt") as file:
+        name = next(iter(file.keys()))
+        tensor = file.get_tensor(name)
+    path = rewritten(saved, tensors={name: torch.ones(tensor.shape, dtype=kind)})
+    assert f"{name} must hold real numbers, got {kind}" in error_of(path)
+
+
+@pytest.mark.parametrize("card", ["[" * 10**5, "[]", "{", "1" * 5000])
+def test_a_card_that_cannot_be_read(saved: Path, card: str) -> None:
+    assert "the configuration in" in error_of(rewritten(saved, header={"card": card}))
+
+
 def test_an_installation_without_weights_says_how_to_train_them(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(checkpoints, "SHIPPED_WEIGHTS", "absent.safetensors")
     with pytest.raises(
