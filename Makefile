@@ -7,12 +7,13 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 PYTEST := $(BIN)/python -m pytest -n 2
 
-.PHONY: help demo test quick coverage lint docs doctor install clean
+.PHONY: help demo test quick fuzz coverage lint docs doctor install clean
 .DEFAULT_GOAL := help
 help:
 	@echo "make demo      run the main job: a bin of parts is filled, seen, emptied by four modes and recorded in logs/demo"
 	@echo "make test      run all tests"
 	@echo "make quick     run the tests that take no process, episode or training of their own: under a minute"
+	@echo "make fuzz      run the tests of damaged files with 5000 examples each instead of 100"
 	@echo "make coverage  run all tests and report the lines that none of them executes"
 	@echo "make lint      run ruff and pyright"
 	@echo "make docs      build the documentation in site/"
@@ -41,6 +42,9 @@ test: $(READY)
 
 quick: $(READY)
 	$(PYTEST) -m "not slow"
+
+fuzz: $(READY)
+	$(PYTEST) -k fuzz --hypothesis-profile=fuzz
 
 coverage: $(READY)
 	$(PYTEST) --cov --cov-report=term:skip-covered

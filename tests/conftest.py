@@ -5,6 +5,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 from jaxtyping import install_import_hook
 
 from tests import runtime_types as runtime_types
@@ -16,11 +17,15 @@ _HOOK = install_import_hook("simpick", "tests.runtime_types.check")
 # expensive to make (verified grasps, templates) is made once, also across xdist's workers.
 os.environ.setdefault("SIMPICK_CACHE", str(Path(tempfile.gettempdir()) / f"simpick-tests-{os.getuid()}"))
 
+# 100 examples by default; `make fuzz` asks for this one.
+settings.register_profile("fuzz", max_examples=5000)
+
 SLOW = (
     "assets/test_library_parts.py",
     "assets/test_mesh_fuzz.py",
     "assets/test_mesh_repair.py",
     "assets/test_symmetry_detection.py",
+    "bop/test_bop_fuzz.py",
     "cli/test_compare.py",
     "cli/test_run.py",
     "cli/test_sweep.py",
@@ -43,6 +48,7 @@ SLOW = (
     "project/test_public_api.py",
     "recording/test_rerun_recorder.py",
     "scene/test_settling.py",
+    "test_file_fuzz.py",
     "test_workers.py",
     "training/data/test_shard",
     "training/detector/",

@@ -42,7 +42,7 @@ def test_other_weights_are_refused_and_results_stay(shipped: Path, tmp_path: Pat
     folder = tmp_path / "out"
     result = EpisodeResult(0, 0, (), (), "cleared", mode="fine")
     ResultStore(folder, provenance("retrieval", "fine")).add(result)
-    before = {file.name: file.read_bytes() for file in folder.iterdir()}
+    before = {file.name: file.read_bytes() for file in folder.glob("[!.]*")}
     assert ResultStore(folder, provenance("retrieval", "fine")).results == (result,)
     (shipped / "raypose.safetensors").write_bytes(b"trained longer")
     with pytest.raises(
@@ -52,7 +52,7 @@ def test_other_weights_are_refused_and_results_stay(shipped: Path, tmp_path: Pat
     ) as refusal:
         ResultStore(folder, provenance("retrieval", "fine"))
     assert "retrieval" not in str(refusal.value)
-    assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
+    assert {file.name: file.read_bytes() for file in folder.glob("[!.]*")} == before
 
 
 def test_fitted_data_that_appear_are_noticed(shipped: Path) -> None:

@@ -1,0 +1,205 @@
+"""Whatever files of arrays, settings, results, logs, cameras, scenes and weights hold: checked values, or an error."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from simpick.caching import read_arrays, write_arrays
+from simpick.config import from_json
+from simpick.errors import (
+    ArrayFileError,
+    CameraFileError,
+    CheckpointError,
+    ConfigError,
+    DatasetError,
+    OutputError,
+    SceneError,
+)
+from simpick.estimators.raypose.checkpoints import load_checkpoint, save_checkpoint
+from simpick.experiments.result_store import read_results
+from simpick.photos.camera_files import read_calibration
+from simpick.run_folder import RunFolder
+from simpick.scene import Scene, SceneConfig, build_scene
+from simpick.scene.archive import read_archive
+from simpick.training.curves import read_log
+from tests.damage import FUZZ, WILD, damaged_bytes, damaged_value, refusing
+from tests.estimators.raypose.networks import awake
+from tests.experiments.test_result_store import make_result
+
+ARRAYS = {"image": np.arange(60, dtype=np.uint8).reshape(3, 4, 5), "names": np.array(["a", "bc"])}
+K = [[800.0, 0, 320], [0, 800, 240], [0, 0, 1]]
+CAMERAS = [
+    {"camera_matrix": K, "dist_coeffs": [[0.1, 0, 0, 0, 0]], "image_size": [640, 480]},
+    {
+        "distortion_model": "plumb_bob",
+        "K": [x for row in K for x in row],
+        "D": [0.1, 0, 0, 0],
+        "width": 640,
+        "height": 480,
+    },
+    {"fx": 800, "fy": 800, "cx": 320, "cy": 240, "width": 640, "height": 480, "depth_scale": 0.1},
+    {"color": {"ppx": 320, "ppy": 240, "fx": 800, "fy": 800, "model": "Brown Conrady", "coeffs": [0.1, 0, 0, 0, 0]}},
+]
+GROWING = "".join(f"{y}: &{y} [*{x}, *{x}, *{x}]\n" for x, y in pairwise("abcdefghi"))
+YAML = """%YAML:1.0
+camera_matrix: !!opencv-matrix {rows: 3, cols: 3, dt: d, data: [800., 0., 320., 0., 800., 240., 0., 0., 1.]}
+image_width: 640
+image_height: 480
+distortion_coefficients: &a [0.1, 0, 0, 0, 0]
+"""
+ROWS = [
+    {"split": "train", "step": 3, "queries": 40, "seconds": 1.5, "loss": 0.5},
+    {"split": "validation", "step": 4, "queries": 40, "seconds": 2.5, "rotation_deg": 30.0},
+]
+
+
+@FUZZ
+@given(data=st.data())
+def test_arrays(tmp_path: Path, data: st.DataObject) -> None:
+    file = tmp_path / "a.npz"
+    write_arrays(file, ARRAYS)
+    file.write_bytes(data.draw(damaged_bytes(file.read_bytes())))
+    with refusing(ArrayFileError, file.name):
+        for name, array in read_arrays(file).items():
+            # A damaged name is the reader's to notice; damaged content never comes through.
+            if name in ARRAYS:
+                np.testing.assert_array_equal(array, ARRAYS[name])
+
+
+@FUZZ
+@given(value=damaged_value(SceneConfig(parts=("hex_nut",), count=2).to_json()))
+def test_configurations(value: Any) -> None:
+    with refusing(ConfigError, ""):
+        config = from_json(SceneConfig, json.loads(json.dumps(value)), complete=True)
+        assert 1 <= config.count < 2**31
+
+
+@FUZZ
+@given(value=damaged_value(make_result().to_json()), torn=st.booleans())
+def test_results(tmp_path: Path, value: Any, torn: bool) -> None:
+    file = tmp_path / "results.jsonl"
+    file.write_text(json.dumps(make_result().to_json()) + "\n" + json.dumps(value) + "\n" * torn)
+    with refusing(OutputError, file.name):
+        results = read_results(file)
+        assert results[0] == make_result()
+        assert all(abs(result.seed) < 2**64 for result in results)
+
+
+@FUZZ
+@given(value=WILD)
+def test_provenance(tmp_path: Path, value: Any) -> None:
+    shutil.rmtree(tmp_path)
+    tmp_path.mkdir()
+    (tmp_path / "config.json").write_text(json.dumps(value))
+    with refusing(OutputError, "config.json", str(tmp_path)):
+        RunFolder(tmp_path, {"seed": 0})
+
+
+@FUZZ
+@given(value=damaged_value(ROWS))
+def test_training_logs(tmp_path: Path, value: Any) -> None:
+    file = tmp_path / "log.jsonl"
+    file.write_text("".join(json.dumps(row) + "\n" for row in (value if isinstance(value, list) else [value])))
+    with refusing(DatasetError, file.name):
+        assert all(type(row["step"]) is int for row in read_log(file))
+
+
+@FUZZ
+@given(value=st.sampled_from(CAMERAS).flatmap(damaged_value))
+def test_cameras(tmp_path: Path, value: Any) -> None:
+    check_camera(tmp_path / "camera.json", json.dumps(value).encode())
+
+
+@FUZZ
+@given(content=damaged_bytes(YAML.encode()))
+def test_yaml_cameras(tmp_path: Path, content: bytes) -> None:
+    check_camera(tmp_path / "camera.yaml", content)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "K: &a [*a, *a]\n",
+        "a: &a [0, 0, 0, 0]\n" + GROWING + "K: *i\n",
+        "K: " + "[" * 5000,
+        "K: [1e400, 0, 0, 0, 1, 0, 0, 0, 1]\n",
+    ],
+)
+def test_yaml_that_grows_without_end(tmp_path: Path, text: str) -> None:
+    (tmp_path / "camera.yaml").write_text(text)
+    with pytest.raises(CameraFileError, match=r"camera\.yaml"):
+        read_calibration(tmp_path / "camera.yaml")
+
+
+def check_camera(file: Path, content: bytes) -> None:
+    file.write_bytes(content)
+    with refusing(CameraFileError, file.name):
+        camera = read_calibration(file)
+        assert all(math.isfinite(x) for x in (camera.fx, camera.fy, camera.cx, camera.cy)) and camera.fx > 0
+
+
+@pytest.fixture(scope="module")
+def scene_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    scene = build_scene(SceneConfig(parts=("hex_nut",), count=1), seed=0)
+    return scene.save(tmp_path_factory.mktemp("scenes") / "scene.npz")
+
+
+@FUZZ
+@given(data=st.data())
+def test_scene_files(scene_file: Path, tmp_path: Path, data: st.DataObject) -> None:
+    file = tmp_path / "scene.npz"
+    file.write_bytes(data.draw(damaged_bytes(scene_file.read_bytes())))
+    with refusing(SceneError, file.name):
+        found, whole = read_archive(file), read_archive(scene_file)
+        np.testing.assert_array_equal(found.state, whole.state)
+        assert found.config == whole.config
+
+
+@FUZZ
+@given(data=st.data())
+def test_headers_of_scene_files(scene_file: Path, tmp_path: Path, data: st.DataObject) -> None:
+    file, arrays = tmp_path / "scene.npz", read_arrays(scene_file)
+    header = data.draw(damaged_value(json.loads(str(arrays["header"]))))
+    write_arrays(file, arrays | {"header": np.array(json.dumps(header))})
+    with refusing(SceneError, file.name):
+        archive = read_archive(file)
+        assert 0 <= archive.seed < 2**64 and len(archive.part_hashes) > max(archive.removed, default=-1)
+
+
+@pytest.fixture(scope="module")
+def weights_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("weights") / "model.safetensors"
+    save_checkpoint(file, awake(), {"hours": 1.5})
+    return file
+
+
+@FUZZ
+@given(data=st.data())
+def test_checkpoints(weights_file: Path, tmp_path: Path, data: st.DataObject) -> None:
+    file, content = tmp_path / "model.safetensors", weights_file.read_bytes()
+    # The header, where names, types and shapes stand; of the weights themselves there is no checksum.
+    end = 8 + int.from_bytes(content[:8], "little")
+    file.write_bytes(data.draw(damaged_bytes(content[:end])) + content[end:])
+    with refusing(CheckpointError, file.name):
+        load_checkpoint(file)
+
+
+@FUZZ
+@given(data=st.data())
+def test_damaged_scene_files_load_the_same_scene_or_none(scene_file: Path, tmp_path: Path, data: st.DataObject) -> None:
+    file, content = tmp_path / "scene.npz", scene_file.read_bytes()
+    k = data.draw(st.integers(0, len(content) - 1))
+    file.write_bytes(content[:k] + bytes([content[k] ^ data.draw(st.integers(1, 255))]) + content[k + 1 :])
+    with refusing(SceneError, file.name):
+        read_archive(file)
+        assert Scene.load(file).seed == 0
