@@ -1,6 +1,7 @@
 """Grasp scores against hand-computed values."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -38,10 +39,12 @@ def test_abstaining_is_no_attempt_but_costs_time() -> None:
 
 
 def test_faulted_episodes_say_nothing_about_grasping() -> None:
-    fault = make_result(0, make_pick(0, PickOutcome.SIMULATION_FAULT), ended="simulation_fault")
-    scores = score_grasps([fault, make_result(1)])
-    assert scores.attempts == 1 and scores.grasp_success == 1.0
-    assert scores.outcomes == {"simulation_fault": 1, "success": 1}
+    picks = (make_pick(0, PickOutcome.MISSED, 1), make_pick(1), make_pick(2, PickOutcome.SIMULATION_FAULT, 0))
+    fault, whole = make_result(0, *picks, ended="simulation_fault"), make_result(1)
+    scores, alone = score_grasps([fault, whole]), score_grasps([whole])
+    assert scores == replace(alone, episodes=2, outcomes={"missed": 1, "simulation_fault": 1, "success": 2})
+    # One of the two parts of the bin without a fault was delivered.
+    assert (scores.attempts, scores.grasp_success, scores.clearance) == (1, 1.0, 0.5)
 
 
 def test_no_episodes_give_no_numbers() -> None:

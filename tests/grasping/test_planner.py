@@ -43,6 +43,54 @@ def test_grasps_of_a_lone_part_keep_off_floor_and_walls(planner: GraspPlanner) -
             assert (np.abs(low[:, :2] - [0.5, 0.0]) < [0.15, 0.20]).all()
 
 
+@pytest.mark.parametrize(("axis", "side"), [(0, -1), (0, 1), (1, -1), (1, 1)])
+def test_each_wall_is_given_its_clearance(planner: GraspPlanner, axis: int, side: int) -> None:
+    centre, half = np.array([0.5, 0.0]), np.array([0.15, 0.20])
+    place = centre.copy()
+    place[axis] += side * (half[axis] - 0.030)
+    careful = GraspPlanner("jaw", BinConfig(), PlannerConfig(wall_clearance_m=0.012))
+
+    def least_gap_m(grasp) -> float:
+        points = transform_points(grasp.T_world_tcp, box_surface_points(planner.gripper.boxes(grasp.opening_m)))
+        low = points[points[:, 2] < 0.12]
+        return float((half[axis] - side * (low[:, axis] - centre[axis])).min())
+
+    usual, wide = (p.plan([NUT], [lying(*place)]) for p in (planner, careful))
+    assert usual and min(map(least_gap_m, usual)) < 0.012, "the wall is near enough to matter"
+    assert min(map(least_gap_m, usual)) >= 0.0015
+    assert wide and min(map(least_gap_m, wide)) >= 0.012
+
+
+def test_a_part_beneath_the_fingertips_is_in_nobody_s_way(planner: GraspPlanner) -> None:
+    block = get_part("terminal_block")
+    beneath = transform(translation=np.array([0.5, 0.0, 0.0125]))
+    alone = planner.plan([NUT], [lying(z_m=0.08)])
+    found = [g for g in planner.plan([NUT, block], [lying(z_m=0.08), beneath]) if g.target == 0]
+    assert found[0].quality == pytest.approx(alone[0].quality)
+
+
+def test_a_part_that_the_pads_would_take_along_rules_a_grasp_out(planner: GraspPlanner) -> None:
+    # The upper nut stands exactly over the lower: no finger meets it, but the pads would close on both.
+    targets = {grasp.target for grasp in planner.plan([NUT, NUT], [lying(), lying(z_m=0.025)])}
+    assert targets == {1}
+
+
+@pytest.mark.parametrize("largest_deg", [10.0, 35.0])
+def test_no_grasp_is_steeper_than_the_limit(largest_deg: float) -> None:
+    leaning = lying(z_m=0.05) @ transform(so3_exp(np.radians([25.0, 0.0, 0.0])))
+    usual = GraspPlanner("jaw", BinConfig(), PlannerConfig(grasps_per_target=300))
+    strict = GraspPlanner("jaw", BinConfig(), PlannerConfig(largest_tilt_deg=largest_deg, grasps_per_target=300))
+
+    def tilt_deg(grasp) -> float:
+        return float(np.degrees(np.arccos(-grasp.T_world_tcp[2, 2])))
+
+    rejected: Counter[Rejection] = Counter()
+    kept = list(strict.search([NUT], [leaning], rejected=rejected))
+    assert max(map(tilt_deg, usual.plan([NUT], [leaning]))) > largest_deg
+    assert kept and max(map(tilt_deg, kept)) < largest_deg
+    assert rejected[Rejection.TILT] > 0
+
+
 def test_grasps_are_ordered_and_come_from_above(planner: GraspPlanner) -> None:
     grasps = planner.plan([NUT, NUT], [lying(), lying(y_m=0.1)])
     assert {grasp.target for grasp in grasps} == {0, 1}
