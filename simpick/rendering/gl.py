@@ -73,6 +73,20 @@ def refuse_unknown_backend() -> None:
         )
 
 
+def refuse_missing_library() -> None:
+    """Raise RenderingUnavailableError if ``MUJOCO_GL`` names EGL or OSMesa, and that library is not installed.
+
+    MuJoCo itself fails on it with an AttributeError about None, and already on import, so this is checked first.
+    """
+    backend = _SPELLINGS.get(_environment(), "")
+    library = {"egl": "EGL", "osmesa": "OSMesa"}.get(backend)
+    if platform.system() == "Linux" and library is not None and ctypes.util.find_library(library) is None:
+        raise RenderingUnavailableError(
+            f"MUJOCO_GL={backend} needs lib{library}, which is not installed. {_INSTALL} "
+            "Or let simpick take the first that works: unset MUJOCO_GL"
+        )
+
+
 def _environment() -> str:
     return os.environ.get("MUJOCO_GL", "").lower().strip()
 
@@ -94,6 +108,9 @@ def make_gl_context(width: int, height: int) -> Any:
         )
     try:
         context = importlib.import_module(f"mujoco.{backend}").GLContext(width, height)
+        # GLFW only warns where there is no display, and returns a context without a window, which crashes MuJoCo.
+        if backend == "glfw" and not context._context:
+            raise OSError("it made no window, which needs a display; without one, unset MUJOCO_GL")
     # The back ends raise the errors of their libraries: ImportError, OSError, AttributeError, RuntimeError, GLError.
     except Exception as error:
         raise RenderingUnavailableError(f"OpenGL through {backend} does not work here: {error}. {_INSTALL}") from error

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simpick.envs.actions import ABSTAIN, decode_action, encode_action
+from simpick.envs.actions import ABSTAIN, decode_action, encode_action, finite_values
 from simpick.envs.spaces import action_space
 from simpick.errors import ConfigError
 from simpick.geometry import random_rotation, rotation_angle, transform
@@ -64,3 +64,19 @@ def test_poses_outside_the_workspace_are_refused() -> None:
     T = transform(translation=np.array([0.5, 0.0, 1.0]))
     with pytest.raises(ConfigError, match=r"must lie in the workspace \(0.35, .*got \[0.5, 0.0, 1.0\] m"):
         encode_action(T, 0.05, WORKSPACE)
+
+
+@pytest.mark.parametrize("action", [None, "close", [0.0] * 9, [[0.0] * 10], [0.0] * 9 + [None], [[0.0], 1.0], {}, 1j])
+def test_what_is_not_ten_numbers_is_refused(action: object) -> None:
+    with pytest.raises(ConfigError, match=r"an action must be 10 finite numbers in \[-1, 1\], got "):
+        finite_values(action, 10)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_numbers_that_are_not_finite_are_refused(value: float) -> None:
+    with pytest.raises(ConfigError, match=r"10 finite numbers in \[-1, 1\], got \[.*(nan|inf)\]"):
+        decode_action(np.append(np.zeros(9), value), WORKSPACE)
+
+
+def test_numbers_beyond_one_are_cut_off() -> None:
+    np.testing.assert_array_equal(finite_values([7, -7.0, 0.5], 3), [1.0, -1.0, 0.5])

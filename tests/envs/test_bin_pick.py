@@ -3,6 +3,7 @@
 import pickle
 import subprocess
 import sys
+from collections.abc import Callable
 
 import gymnasium
 import numpy as np
@@ -15,7 +16,7 @@ from simpick.envs.bin_pick import BinPickEnv
 from simpick.envs.spaces import OUTCOMES, outcome_from_index, outcome_index
 from simpick.errors import ConfigError, UnknownPartError
 from simpick.geometry import transform
-from simpick.records import PickOutcome
+from simpick.records import PickOutcome, PickResult
 
 pytestmark = pytest.mark.render
 
@@ -74,6 +75,50 @@ def test_max_picks_truncates(opened) -> None:
     assert (terminated, truncated, info["ended"]) == (False, True, "max_picks")
 
 
+def results(env: BinPickEnv, monkeypatch, *outcomes: PickResult) -> Callable[[], tuple]:
+    """Return a function that steps the environment, whose picks end like these in turn."""
+    left = iter(outcomes)
+    monkeypatch.setattr(env._executor, "execute", lambda *command: next(left))
+    action = encode_action(transform(np.diag([1.0, -1.0, -1.0]), np.array([0.5, 0, 0.05])), 0.05, env.workspace)
+    return lambda: env.step(action)[1:]
+
+
+MISSED = PickResult(PickOutcome.MISSED, "closed on nothing")
+DELIVERED = PickResult(PickOutcome.SUCCESS, "delivered", delivered=(0,))
+COLLIDED = PickResult(PickOutcome.COLLISION, "pressed on the floor")
+
+
+def test_rewards_are_per_part_delivered_less_the_costs_of_failures_and_collisions(opened, monkeypatch) -> None:
+    env = opened(BinPickEnv(count=2, max_consecutive_failures=9))
+    env.reset(seed=0)
+    pair = PickResult(PickOutcome.DOUBLE_PICK, "together", delivered=(0, 1))
+    step = results(env, monkeypatch, DELIVERED, pair, MISSED, COLLIDED)
+    assert [step()[0] for _ in range(4)] == pytest.approx([1.0, 2.0, -0.1, -0.2])
+
+
+def test_only_failures_in_a_row_end_the_episode(opened, monkeypatch) -> None:
+    env = opened(BinPickEnv(count=2))
+    env.reset(seed=0)
+    step = results(env, monkeypatch, MISSED, DELIVERED, COLLIDED, MISSED)
+    steps = [step() for _ in range(4)]
+    assert [(terminated, info["ended"]) for _, terminated, _, info in steps] == [
+        *[(False, "")] * 3,
+        (True, "consecutive_failures"),
+    ]
+    assert [info["pick"].pick for *_, info in steps] == [0, 1, 2, 3]
+    env.reset(seed=0)
+    _, _, terminated, _, info = env.step(ABSTAIN)
+    assert (terminated, info["pick"].pick) == (False, 0), "a new episode counts from the start"
+
+
+def test_an_episode_that_terminates_is_not_truncated_too(opened) -> None:
+    env = opened(BinPickEnv(count=2, max_picks=2))
+    env.reset(seed=0)
+    env.step(ABSTAIN)
+    _, _, terminated, truncated, info = env.step(ABSTAIN)
+    assert (terminated, truncated, info["ended"]) == (True, False, "consecutive_failures")
+
+
 def test_same_seed_is_the_same_bin_in_another_process() -> None:
     code = (
         "import hashlib; from simpick.envs.bin_pick import BinPickEnv; env = BinPickEnv(count=3);"
@@ -120,6 +165,30 @@ def test_closing_twice_is_harmless() -> None:
         env.truth()
 
 
+@pytest.mark.parametrize("closed", [False, True])
+def test_a_step_without_a_scene_is_refused(closed: bool) -> None:
+    env = BinPickEnv(parts=["hex_nut"], count=1)
+    if closed:
+        env.reset(seed=0)
+        env.close()
+    action = encode_action(transform(np.diag([1.0, -1.0, -1.0]), np.array([0.5, 0, 0.05])), 0.05, env.workspace)
+    for command in (ABSTAIN, action):
+        with pytest.raises(ConfigError, match=r"has no scene yet: call reset\(\) first"):
+            env.step(command)
+    env.close()
+
+
+def test_a_loaded_scene_that_does_not_fit_the_environment_is_refused(opened, tmp_path) -> None:
+    env = opened(BinPickEnv(parts=["hex_nut"], count=1))
+    env.reset(seed=0)
+    env.scene.save(tmp_path / "bin.npz")
+    for other in (BinPickEnv(parts=["bushing"], count=1), BinPickEnv(parts=["hex_nut"], gripper="suction")):
+        with pytest.raises(ConfigError, match=r"a loaded scene must have .* parts, got others; .*Scene\.load"):
+            other.reset(options={"scene_file": tmp_path / "bin.npz"})
+        with pytest.raises(ConfigError, match=r"call reset\(\) first"):
+            other.step(ABSTAIN)
+
+
 def test_saved_scenes_come_back(opened, tmp_path) -> None:
     env = opened(BinPickEnv(count=2))
     a, _ = env.reset(seed=6)
@@ -143,8 +212,12 @@ def test_frames_of_a_motion_come_as_a_list(opened) -> None:
         ({"parts": ["hex_bolt", "nonsense"]}, UnknownPartError, "no part named 'nonsense'. Valid: .*hex_bolt"),
         ({"count": 0}, ConfigError, "count must be between 1 and 50, got 0"),
         ({"count": 500}, ConfigError, "count must be between 1 and 50, got 500"),
+        *(
+            ({name: value}, ConfigError, f"{name} must be an integer of 1 or more.*, got {value!r}")
+            for name in ("max_picks", "max_consecutive_failures")
+            for value in (True, -1, 0)
+        ),
         ({"render_mode": "human"}, ConfigError, "render_mode must be None or one of rgb_array, rgb_array_list"),
-        ({"max_picks": 0}, ConfigError, "max_picks must be 1 or more, got 0"),
     ],
 )
 def test_bad_arguments_are_refused_before_anything_is_simulated(arguments, error, text) -> None:

@@ -110,11 +110,15 @@ def test_a_worker_s_error_comes_as_it_was_and_closing_twice_is_harmless() -> Non
 @pytest.mark.parametrize(
     ("arguments", "error", "text"),
     [
-        ({"num_envs": 0}, ConfigError, "num_envs must be 1 or more, got 0"),
-        ({"max_concurrency": 0}, ConfigError, "max_concurrency must be 1 or more, got 0"),
+        ({"num_envs": 0}, ConfigError, "num_envs must be an integer of 1 or more, got 0"),
+        (
+            {"max_concurrency": 0},
+            ConfigError,
+            "max_concurrency must be an integer of 1 or more, or None .*, got 0",
+        ),
         ({"autoreset_mode": "never"}, ConfigError, "must be one of NextStep, SameStep, Disabled, got 'never'"),
         ({"parts": ["nonsense"]}, UnknownPartError, "no part named 'nonsense'"),
-        ({"max_picks": 0}, ConfigError, "max_picks must be 1 or more, got 0"),
+        ({"max_picks": 0}, ConfigError, "max_picks must be an integer of 1 or more, or None for no limit, got 0"),
     ],
 )
 def test_bad_arguments_are_refused_before_a_process_starts(arguments, error, text) -> None:

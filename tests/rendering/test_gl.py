@@ -1,6 +1,7 @@
 import os
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 
@@ -26,6 +27,45 @@ def test_an_unknown_name_is_refused_before_mujoco_is_imported():
         "MUJOCO_GL must be one of egl, osmesa, glfw, cgl, got 'bogus'; "
         "unset it, and simpick takes the first that works: unset MUJOCO_GL"
     )
+
+
+def test_an_environment_refuses_an_unknown_name_before_mujoco_is_imported():
+    code = (
+        "import gymnasium, simpick, simpick.errors\n"
+        "try:\n    gymnasium.make('simpick/BinPick-v0')\n"
+        "except simpick.errors.RenderingUnavailableError as e: print(e)"
+    )
+    env = {**os.environ, "MUJOCO_GL": "bogus"}
+    out = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, check=True)
+    assert out.stdout.startswith("MUJOCO_GL must be one of egl, osmesa, glfw, cgl, got 'bogus'; unset it")
+
+
+@pytest.mark.parametrize(("name", "library"), [("osmesa", "OSMesa"), ("EGL", "EGL")])
+def test_a_chosen_back_end_whose_library_is_missing_is_refused(monkeypatch, name, library):
+    monkeypatch.setenv("MUJOCO_GL", name)
+    monkeypatch.setattr(gl.platform, "system", lambda: "Linux")
+    monkeypatch.setattr(gl.ctypes.util, "find_library", lambda name: None)
+    with pytest.raises(RenderingUnavailableError, match=f"MUJOCO_GL={name.lower()} needs lib{library}, which"):
+        gl.refuse_missing_library()
+    monkeypatch.setattr(gl.ctypes.util, "find_library", lambda name: f"lib{name}.so")
+    gl.refuse_missing_library()
+
+
+def test_without_a_choice_no_library_is_asked_for(monkeypatch):
+    monkeypatch.setattr(gl.ctypes.util, "find_library", lambda name: pytest.fail("asked"))
+    gl.refuse_missing_library()
+
+
+def test_glfw_without_a_display_is_refused_instead_of_crashing(monkeypatch):
+    class Windowless:
+        def __init__(self, width, height):
+            self._context = None
+
+    monkeypatch.setenv("MUJOCO_GL", "glfw")
+    monkeypatch.setattr(gl.importlib, "import_module", lambda name: SimpleNamespace(GLContext=Windowless))
+    monkeypatch.setattr(gl, "_first_context_pid", None)
+    with pytest.raises(RenderingUnavailableError, match=r"glfw does not work here: it made no window, which needs"):
+        gl.make_gl_context(8, 8)
 
 
 def test_rendering_switched_off_says_so(monkeypatch):
@@ -68,6 +108,20 @@ def test_a_back_end_that_fails_is_named_with_its_own_reason(monkeypatch):
     monkeypatch.setattr(gl.importlib, "import_module", fail)
     with pytest.raises(RenderingUnavailableError, match=r"through egl does not work here: libEGL.*apt-get install"):
         gl.make_gl_context(8, 8)
+
+
+@pytest.mark.render
+@pytest.mark.skipif(sys.platform != "linux", reason="forks")
+def test_a_child_forked_before_anything_was_rendered_can_render():
+    code = (
+        "import multiprocessing\n"
+        "from simpick.rendering.gl import make_gl_context, select_gl_backend\n"
+        "select_gl_backend()\n"
+        "child = multiprocessing.get_context('fork').Process(target=make_gl_context, args=(8, 8))\n"
+        "child.start(); child.join(60); print(child.exitcode)"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)
+    assert out.stdout.strip() == "0"
 
 
 def test_a_forked_child_is_refused_instead_of_hanging(monkeypatch):
