@@ -16,6 +16,22 @@ ABSTAIN: Float32[np.ndarray, "10"] = np.zeros(10, np.float32)
 """No pick. All zeros are no rotation, so that no real pick is lost; the arm stays at home, and the pick counts."""
 
 
+def finite_values(action: object, count: int) -> Float[np.ndarray, "count"]:
+    """Return an action's numbers, each cut off at -1 and 1.
+
+    Raises:
+        ConfigError: the action is not `count` finite numbers.
+    """
+    try:
+        values = np.asarray(action, float)
+    except (TypeError, ValueError):  # Strings, ragged lists, objects.
+        values = np.full(0, np.nan)
+    if values.shape != (count,) or not np.isfinite(values).all():
+        shown = action.tolist() if isinstance(action, np.ndarray) else action
+        raise ConfigError(f"an action must be {count} finite numbers in [-1, 1], got {shown!r}")
+    return np.clip(values, -1.0, 1.0)
+
+
 def encode_action(
     T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float, workspace: Box, max_opening_m: float = JAW_STROKE_M
 ) -> Float32[np.ndarray, "10"]:
@@ -50,16 +66,13 @@ def decode_action(
     Raises:
         ConfigError: the action is not ten finite numbers.
     """
-    values = np.asarray(action, float)
-    if values.shape != (10,) or not np.isfinite(values).all():
-        raise ConfigError(f"an action must be 10 finite numbers in [-1, 1], got {np.asarray(action).tolist()}")
-    action = np.clip(values, -1.0, 1.0)
-    columns = action[3:9]
+    values = finite_values(action, 10)
+    columns = values[3:9]
     if not np.any(columns):
         return None
     if np.linalg.norm(np.cross(columns[:3], columns[3:])) < 1e-6:
         first = columns[:3] if np.linalg.norm(columns[:3]) > 1e-6 else columns[3:]
         columns = np.concatenate([first, np.eye(3)[np.argmin(np.abs(first))]])
-    position = workspace.centre_m + action[:3] * workspace.size_m / 2
-    opening_m = float((action[9] + 1.0) / 2.0 * max_opening_m)
+    position = workspace.centre_m + values[:3] * workspace.size_m / 2
+    opening_m = float((values[9] + 1.0) / 2.0 * max_opening_m)
     return transform(rotation_from_6d(columns), position), opening_m

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +30,18 @@ def part_pool(parts: Sequence[str]) -> tuple[str, ...]:
     """
     if isinstance(parts, str):
         raise ConfigError(f"parts must be a list of names or mesh files, got {parts!r}; write [{parts!r}]")
+    if not isinstance(parts, Iterable):
+        raise ConfigError(f"parts must be a list of names or mesh files, got {parts!r}; () takes the whole library")
     return tuple(parts) or tuple(library_part_names())
+
+
+def check_count(name: str, value: object, *, optional: bool = True) -> None:
+    """Raise ConfigError unless `value` is an integer of 1 or more, or None where that means no limit."""
+    if value is None and optional:
+        return
+    if isinstance(value, bool) or not isinstance(value, Integral) or int(value) < 1:
+        none = ", or None for no limit" if optional else ""
+        raise ConfigError(f"{name} must be an integer of 1 or more{none}, got {value!r}")
 
 
 class BinEnv(gymnasium.Env):
@@ -39,6 +52,8 @@ class BinEnv(gymnasium.Env):
     def __init__(self, scene_config: SceneConfig, render_mode: str | None) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ConfigError(f"render_mode must be None or one of {', '.join(RENDER_MODES)}, got {render_mode!r}")
+        if not isinstance(scene_config, SceneConfig):
+            raise ConfigError(f"scene_config must be a SceneConfig or None, got {scene_config!r}")
         if scene_config.robot is None:
             raise ConfigError("robot must be the name of an arm, got None; nothing can be picked without one")
         self.scene_config = scene_config
@@ -104,10 +119,14 @@ class BinEnv(gymnasium.Env):
 
     def _new_scene(self, seed: int | None, options: dict[str, Any] | None) -> Scene:
         """Replace the scene by a new one, or by the one in ``options["scene_file"]``."""
+        if options is not None and not isinstance(options, Mapping):
+            raise ConfigError(f"options must be a dict or None, got {options!r}; valid keys: scene_file")
         options = dict(options or {})
         scene_file = options.pop("scene_file", None)
         if options:
             raise ConfigError(f"unknown reset options {sorted(options)}; valid: scene_file")
+        if not isinstance(scene_file, str | os.PathLike | None):
+            raise ConfigError(f"options['scene_file'] must be a path, got {scene_file!r}")
         self._release_scene()
         if scene_file is not None:
             self._scene = Scene.load(Path(scene_file))

@@ -11,13 +11,13 @@ from gymnasium.utils import EzPickle
 
 from simpick.assets.grippers import get_gripper
 from simpick.envs.actions import decode_action
-from simpick.envs.bin_env import BinEnv, part_pool
+from simpick.envs.bin_env import BinEnv, check_count, part_pool
 from simpick.envs.observations import observation_from_frame
 from simpick.envs.spaces import action_space, observation_space
 from simpick.errors import ConfigError
 from simpick.motion import PickExecutor
 from simpick.records import CameraFrame, PickOutcome, PickRecord, PickResult
-from simpick.scene import SceneConfig
+from simpick.scene import Scene, SceneConfig
 from simpick.scene.workspace import tcp_workspace
 
 SUCCESS_REWARD = 1.0
@@ -129,9 +129,8 @@ class BinPickEnv(BinEnv, EzPickle):
         EzPickle.__init__(
             self, parts, count, gripper, randomization, max_consecutive_failures, max_picks, scene_config, render_mode
         )
-        for name, value in (("max_consecutive_failures", max_consecutive_failures), ("max_picks", max_picks)):
-            if value is not None and value < 1:
-                raise ConfigError(f"{name} must be 1 or more, got {value}")
+        check_count("max_consecutive_failures", max_consecutive_failures, optional=False)
+        check_count("max_picks", max_picks)
         pool = part_pool(parts)
         config = scene_config or SceneConfig(parts=pool, count=count, gripper=gripper, randomization=randomization)
         super().__init__(config, render_mode)
@@ -158,11 +157,13 @@ class BinPickEnv(BinEnv, EzPickle):
         ``options={"scene_file": path}`` loads a scene saved by `Scene.save` instead.
 
         Raises:
-            ConfigError: an option is unknown.
+            ConfigError: an option is unknown, or the loaded scene's observations or actions would be others than this
+                environment's.
         """
         super().reset(seed=seed)
         start = time.perf_counter()
         scene = self._new_scene(seed, options)
+        self._check_loaded(scene)
         self._executor = PickExecutor(scene, on_step=self._tick, on_stage=self._stage)
         self._picks = self._failures = 0
         self._last_outcome: PickOutcome | None = None
@@ -170,7 +171,13 @@ class BinPickEnv(BinEnv, EzPickle):
         return self._observe(), self._info()
 
     def step(self, action: np.ndarray) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
-        """Make the pick that `action` commands and look again."""
+        """Make the pick that `action` commands and look again.
+
+        Raises:
+            ConfigError: the action is not ten finite numbers, or `reset` has not been called since the environment was
+                made or closed.
+        """
+        self.scene  # noqa: B018 - raises before the first reset
         start = time.perf_counter()
         command = decode_action(action, self.workspace, self._max_opening_m)
         self._look_s = 0.0
@@ -188,6 +195,19 @@ class BinPickEnv(BinEnv, EzPickle):
         truncated = not ended and self._max_picks is not None and self._picks >= self._max_picks
         info = self._info() | {"pick": pick, "ended": "max_picks" if truncated else ended}
         return self._observe(), float(reward), bool(ended), truncated, info
+
+    def _check_loaded(self, scene: Scene) -> None:
+        """Raise ConfigError where a loaded scene does not fit this environment's spaces."""
+        loaded, own = scene.config, self.scene_config
+        names = {instance.part.name for instance in scene.instances}
+        same = (loaded.overhead.width_px, loaded.overhead.height_px) == (own.overhead.width_px, own.overhead.height_px)
+        same &= (loaded.robot, loaded.gripper, loaded.bin) == (own.robot, own.gripper, own.bin)
+        if not same or not names <= set(self.part_names):
+            self.close()
+            raise ConfigError(
+                "a loaded scene must have this environment's arm, gripper, bin, image size and parts, got others;"
+                " make the environment with scene_config=Scene.load(path).config"
+            )
 
     def _look(self, T_world_tcp: np.ndarray) -> np.ndarray | None:
         assert self.on_look is not None

@@ -11,6 +11,7 @@ import numpy as np
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode
 from gymnasium.vector.async_vector_env import AsyncState
 
+from simpick.envs.bin_env import check_count
 from simpick.envs.bin_pick import BinPickEnv
 from simpick.errors import ConfigError, WorkerDiedError
 from simpick.records import InstanceTruth
@@ -48,9 +49,8 @@ class BinPickVectorEnv(AsyncVectorEnv):
             WorkerDiedError: a worker process ended while it started.
         """
         self.closed = True  # Nothing to close before the workers have started.
-        for name, value in (("num_envs", num_envs), ("max_concurrency", max_concurrency)):
-            if value is not None and value < 1:
-                raise ConfigError(f"{name} must be 1 or more, got {value}")
+        check_count("num_envs", num_envs, optional=False)
+        check_count("max_concurrency", max_concurrency)
         try:
             mode = AutoresetMode(autoreset_mode)
         except ValueError as error:

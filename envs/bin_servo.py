@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from gymnasium.utils import EzPickle
 
-from simpick.envs.bin_env import RENDER_MODES, BinEnv, part_pool
+from simpick.envs.bin_env import RENDER_MODES, BinEnv, check_count, part_pool
 from simpick.envs.servo_spaces import (
     IMAGES,
     MAX_JOINT_RAD,
@@ -158,10 +158,10 @@ class BinServoEnv(BinEnv, EzPickle):
             scene_config,
             render_mode,
         )
-        if isinstance(images, str) or not set(images) <= set(IMAGES) or len(set(images)) != len(images):
+        named = isinstance(images, (list, tuple)) and all(name in IMAGES for name in images)
+        if not named or len(set(images)) != len(images):
             raise ConfigError(f"images must be distinct names out of {', '.join(IMAGES)}, or (), got {images!r}")
-        if max_ticks is not None and max_ticks < 1:
-            raise ConfigError(f"max_ticks must be 1 or more, got {max_ticks}")
+        check_count("max_ticks", max_ticks)
         pool = part_pool(parts)
         config = scene_config or servo_scene_config(pool, count, gripper, randomization, image_size)
         super().__init__(config, render_mode)
@@ -219,7 +219,7 @@ class BinServoEnv(BinEnv, EzPickle):
         Raises:
             ConfigError: the action is not seven finite numbers, or `reset` has not been called.
         """
-        command, scene = decode_servo_action(action), self.scene
+        scene, command = self.scene, decode_servo_action(action)
         start = time.perf_counter()
         ended, peak_force_n = "", 0.0
         delivered: tuple[int, ...] = ()

@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from simpick.assets.grippers import get_gripper
 from simpick.assets.grippers.servos import OPENING_SPEED_M_S
+from simpick.envs.actions import finite_values
 from simpick.envs.spaces import FAR_M, ActionItem, ObservationItem
 from simpick.errors import ConfigError
 from simpick.scene import SceneConfig
@@ -76,10 +77,7 @@ def decode_servo_action(action: np.ndarray | Sequence[float]) -> ServoCommand:
     Raises:
         ConfigError: the action is not seven finite numbers.
     """
-    values = np.asarray(action, float)
-    if values.shape != (7,) or not np.isfinite(values).all():
-        raise ConfigError(f"an action must be 7 finite numbers in [-1, 1], got {np.asarray(action).tolist()}")
-    values = np.clip(values, -1.0, 1.0)
+    values = finite_values(action, 7)
     scale = np.repeat([MAX_LINEAR_SPEED_M_S, MAX_ANGULAR_SPEED_RAD_S], 3)
     return ServoCommand(values[:6] * scale, float(values[6]))
 
@@ -135,6 +133,8 @@ def servo_scene_config(
     image_size: tuple[int, int] = (160, 120),
 ) -> SceneConfig:
     """Return a scene with images of `image_size` (width, height) pixels from overhead and wrist cameras."""
+    if not (isinstance(image_size, (tuple, list)) and len(image_size) == 2):
+        raise ConfigError(f"image_size must be (width, height) in pixels, got {image_size!r}")
     width, height = image_size
     default = SceneConfig(parts=tuple(parts))
     return SceneConfig(

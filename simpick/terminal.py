@@ -1,8 +1,14 @@
-"""What simpick shows on the terminal: progress bars, and tables that fit into 80 columns."""
+"""What simpick shows on the terminal: progress bars, and tables that fit into 80 columns.
+
+In a file or a pipe, where a bar cannot be redrawn, progress is plain lines: the first after a second, then one every
+few seconds, so that no command is silent.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from threading import Event, Thread
 from typing import Any, TypeVar
 
 from rich import console as rich_console
@@ -11,16 +17,23 @@ from rich.markdown import Markdown as Markdown
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
-    Progress,
+    SpinnerColumn,
+    Task,
     TaskProgressColumn,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+from rich.progress import Progress as RichProgress
 from rich.table import Table as Table
 from rich.text import Text as Text
 
 _Item = TypeVar("_Item")
+
+FIRST_LINE_S = 1.0
+"""Where lines stand for a bar, the first is written after this time; what is over by then needs none."""
+LINE_EVERY_S = 4.0
+"""Time between two lines, also where nothing has advanced: the elapsed time has."""
 
 
 class Console(rich_console.Console):
@@ -32,6 +45,47 @@ class Console(rich_console.Console):
     def print_line(self, text: str) -> None:
         """Print text as it is; only the terminal wraps it, so that a path can be copied."""
         self.print(text, soft_wrap=True)
+
+
+class Progress(RichProgress):
+    """A progress display: bars on a terminal, plain lines elsewhere."""
+
+    _lines: Thread | None = None
+
+    def start(self) -> None:
+        """Show the bars, or begin to write lines."""
+        if self.console.is_interactive or self.console.is_jupyter:
+            super().start()
+        elif self._lines is None:
+            self._stopped = Event()
+            # A thread, because the work in between may take minutes without a word.
+            self._lines = Thread(target=self._write_until_stopped, name="progress lines", daemon=True)
+            self._lines.start()
+
+    def stop(self) -> None:
+        """Remove the bars, unless they are kept, or end the lines with a last one."""
+        if self._lines is None:
+            super().stop()
+            return
+        self._stopped.set()
+        self._lines.join()
+        self._lines = None
+        if not self.live.transient:
+            self._write_lines(self.tasks)
+
+    def _write_until_stopped(self) -> None:
+        wait_s = FIRST_LINE_S
+        while not self._stopped.wait(wait_s):
+            self._write_lines([task for task in self.tasks if not task.finished])
+            wait_s = LINE_EVERY_S
+
+    def _write_lines(self, tasks: Iterable[Task]) -> None:
+        for task in tasks:
+            shown = [column.render(task) for column in self.columns if not isinstance(column, TimeRemainingColumn)]
+            words = [text.plain for text in shown if isinstance(text, Text) and text.plain]
+            if task.time_remaining:
+                words.append(f"{task.time_remaining:.0f} s left")
+            self.console.print(" ".join(words), soft_wrap=True, markup=False, highlight=False)
 
 
 def narrow_table(
@@ -60,6 +114,20 @@ def progress_bar(console: Console | None = None, *, keep: bool = False) -> Progr
         console=console,
         transient=not keep,
     )
+
+
+@contextmanager
+def working(description: str, console: Console | None = None) -> Iterator[None]:
+    """Show what is being done, and for how long already, while the block runs: work that has no count."""
+    with Progress(
+        SpinnerColumn(),
+        TextColumn("{task.description}", markup=False),
+        TimeElapsedColumn(),
+        console=console,
+        transient=True,
+    ) as display:
+        display.add_task(description, total=None)
+        yield
 
 
 def share_bar(before: str, after: str, end: str, *, console: Console) -> Progress:

@@ -1,8 +1,27 @@
 """What commands print can be read and copied."""
 
 import io
+import time
 
-from simpick.terminal import Console, narrow_table, track
+import pytest
+
+from simpick import terminal
+from simpick.terminal import Console, narrow_table, progress_bar, share_bar, track, working
+
+
+@pytest.fixture
+def hurried(monkeypatch) -> None:
+    """Write lines every few milliseconds instead of seconds."""
+    monkeypatch.setattr(terminal, "FIRST_LINE_S", 0.02)
+    monkeypatch.setattr(terminal, "LINE_EVERY_S", 0.02)
+
+
+def wait_for(stream: io.StringIO, text: str, times: int = 1) -> None:
+    """Wait until the text has been written so many times; fail after 5 s."""
+    deadline = time.monotonic() + 5
+    while stream.getvalue().count(text) < times:
+        assert time.monotonic() < deadline, f"{text!r} was not written {times} times: {stream.getvalue()!r}"
+        time.sleep(0.005)
 
 
 def test_a_printed_line_is_neither_wrapped_nor_interpreted() -> None:
@@ -20,3 +39,62 @@ def test_brackets_in_names_are_shown_in_tables_and_progress() -> None:
         pass
     for text in ("logs/[/b]/run", "[bold]nut[/]", "[/red]"):
         assert text in stream.getvalue()
+
+
+def test_the_first_word_comes_within_two_seconds_and_the_next_within_five() -> None:
+    assert terminal.FIRST_LINE_S < 2 and terminal.LINE_EVERY_S < 5
+
+
+def test_a_file_gets_lines_also_while_nothing_advances(hurried) -> None:
+    stream = io.StringIO()
+    with progress_bar(Console(file=stream)) as bar:
+        task = bar.add_task("bin 3, [/b] refined", total=4)
+        wait_for(stream, "bin 3, [/b] refined 0/4 0:00:00\n", times=2)
+        bar.advance(task, 3)
+        wait_for(stream, "bin 3, [/b] refined 3/4")
+    assert "\x1b" not in stream.getvalue(), "no control codes"
+    written = stream.getvalue()
+    time.sleep(0.06)
+    assert stream.getvalue() == written, "nothing comes after the end"
+
+
+def test_a_kept_display_ends_with_its_last_state(hurried) -> None:
+    stream = io.StringIO()
+    with progress_bar(Console(file=stream), keep=True) as bar:
+        bar.advance(bar.add_task("episodes", total=2), 2)
+    assert stream.getvalue().splitlines()[-1].startswith("episodes 2/2")
+
+
+def test_short_work_writes_nothing_into_a_file() -> None:
+    stream = io.StringIO()
+    assert list(track([1, 2], "counting", console=Console(file=stream))) == [1, 2]
+    assert stream.getvalue() == ""
+
+
+def test_work_without_a_count_is_named(hurried) -> None:
+    stream = io.StringIO()
+    with working("writing the report", Console(file=stream)):
+        wait_for(stream, "writing the report 0:00:00\n")
+
+
+def test_a_share_of_work_is_written_with_its_texts(hurried) -> None:
+    stream = io.StringIO()
+    with share_bar("step {task.fields[n]}", "{task.fields[loss]}", "", console=Console(file=stream)) as bar:
+        bar.add_task("train", total=1.0, completed=0.25, n=7, loss="loss 0.5")
+        wait_for(stream, "step 7  25% loss 0.5 0:00:00\n")
+
+
+def test_lines_end_where_the_work_fails(hurried) -> None:
+    stream = io.StringIO()
+    with pytest.raises(RuntimeError), working("failing", Console(file=stream)):
+        raise RuntimeError
+    written = stream.getvalue()
+    time.sleep(0.06)
+    assert stream.getvalue() == written
+
+
+def test_a_terminal_gets_a_bar() -> None:
+    stream = io.StringIO()
+    with progress_bar(Console(file=stream, force_terminal=True, width=80), keep=True) as bar:
+        bar.advance(bar.add_task("episodes", total=2))
+    assert "\x1b[" in stream.getvalue() and "1/2" in stream.getvalue()

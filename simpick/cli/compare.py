@@ -41,10 +41,11 @@ class Compare:
             causes_table,
             differences_tables,
             modes_tables,
+            no_attempts_lines,
             one_bin_table,
             source_line,
         )
-        from simpick.terminal import Console
+        from simpick.terminal import Console, working
 
         console = Console()
         # First, so that a gripper that can hold none of the parts leaves no folder.
@@ -59,7 +60,8 @@ class Compare:
                 if comparison.statistics().bins:
                     console.print_line(f"partial report: {write_report(comparison)}")
             raise
-        statistics = comparison.statistics()
+        with working("computing intervals", console):
+            statistics = comparison.statistics()
         causes = causes_table(comparison.failures())
         console.print_line(source_line(self.config.detections, comparison.modes))
         tables = [one_bin_table(statistics)]
@@ -67,7 +69,12 @@ class Compare:
             tables = [*modes_tables(statistics), *differences_tables(statistics)]
         for table in (*tables, causes):
             console.print(table)
-        console.print_line(f"report: {write_report(comparison)}")
+        by_mode = {mode: [r for r in comparison.results if r.mode == mode] for mode in comparison.modes}
+        for line in no_attempts_lines(by_mode):
+            console.print_line(line)
+        with working("writing the report", console):
+            report = write_report(comparison)
+        console.print_line(f"report: {report}")
         last = [comparison.recording(result) for result in comparison.results if result.mode == comparison.modes[-1]]
         if recorded := [file for file in last if file is not None]:
             console.print_line(f"recordings: open one of {comparison.modes[-1]} with: {viewer_command(recorded[0])}")

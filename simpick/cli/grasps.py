@@ -31,12 +31,13 @@ class GraspsShow:
         from simpick.assets import get_part, library_part_names
         from simpick.grasping import verified_grasps
         from simpick.grasping.coverage import resting_coverage
-        from simpick.terminal import Console, narrow_table
+        from simpick.terminal import Console, narrow_table, track
 
         columns = [column for gripper in self.grippers for column in (gripper, "covered")]
         title = "verified grasps; share of resting poses with two feasible ones"
         table = narrow_table("part", *columns, title=title)
-        for name in self.parts or library_part_names():
+        names = self.parts or library_part_names()
+        for name in track(names, "verifying grasps", total=len(names)):
             part = get_part(name)
             row = [part.name]
             for gripper in self.grippers:
@@ -60,13 +61,14 @@ class GraspsBuild(Config):
         """Write ``assets/grasps/*.npz``."""
         from simpick.assets import library_part_names
         from simpick.assets.grippers.registry import GRIPPERS
-        from simpick.terminal import Console
+        from simpick.terminal import Console, track
         from simpick.workers import UNLIMITED, WorkerPool
 
         console = Console()
         jobs = [(name, gripper) for name in library_part_names() for gripper in GRIPPERS]
         with WorkerPool(self.workers, UNLIMITED) as pool:
-            for call in [pool.submit(_build, job) for job in jobs]:
+            calls = [pool.submit(_build, job) for job in jobs]
+            for call in track(calls, "verifying grasps", total=len(calls), console=console):
                 console.print(call.result())
         return 0
 

@@ -55,7 +55,7 @@ class PartsCheck(Config):
         from simpick.errors import OpenMeshError
         from simpick.grasping.part_report import gripping, recommended
         from simpick.rendering.open_edges import draw_open_edges
-        from simpick.terminal import Console, track
+        from simpick.terminal import Console, track, working
 
         console = Console()
         path, unit = split_unit(self.file)
@@ -65,7 +65,8 @@ class PartsCheck(Config):
         )  # fmt: skip
         console.print_line(f"reading {path}")
         try:
-            imported = import_cad(path, settings)
+            with working("measuring, repairing, finding symmetries and collision pieces", console):
+                imported = import_cad(path, settings)
         except OpenMeshError as error:
             draw_open_edges(error.mesh, self.out)
             console.print_line(f"picture of its open edges, in red: {self.out}")

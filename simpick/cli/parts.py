@@ -35,11 +35,12 @@ class PartsList:
         """Print the table: the library parts, then those that were added."""
         from simpick.assets import get_part, library_part_names, part_names
         from simpick.assets.cad_symmetry import describe_symmetry
-        from simpick.terminal import Console, narrow_table
+        from simpick.terminal import Console, narrow_table, track
 
         table = narrow_table("name", "from", "symmetry", "extents, mm", "mass, g", "pieces", title="Parts", labels=3)
         library = set(library_part_names())
-        for name in part_names():
+        names = part_names()
+        for name in track(names, "reading parts", total=len(names)):
             part = get_part(name)
             source = "library" if name in library else "added"
             symmetry = describe_symmetry(part.symmetries)
@@ -67,13 +68,15 @@ class PartsShow(Config):
         """Render the sheet and write it."""
         from simpick.assets import get_part, part_names
         from simpick.rendering.contact_sheet import contact_sheet
-        from simpick.terminal import track
+        from simpick.terminal import track, working
 
         check_image(self.out, overwrite=self.overwrite)
         names = self.parts or tuple(part_names())
         parts = [get_part(name) for name in track(names, "reading parts", total=len(names))]
         labels = [f"{part.name}\n{_extents(part)} mm, {part.mass_kg * 1e3:.0f} g" for part in parts]
-        write_image(self.out, contact_sheet(parts, labels, columns=self.columns, cell_px=self.cell_px))
+        with working(f"drawing {len(parts)} parts"):
+            sheet = contact_sheet(parts, labels, columns=self.columns, cell_px=self.cell_px)
+        write_image(self.out, sheet)
         print(f"wrote {self.out}: {len(parts)} parts")
         return 0
 

@@ -32,7 +32,7 @@ class Run:
         """Run the missing episodes and print the summary."""
         from simpick.cli.parts import describe_files
         from simpick.experiments.comparison import Comparison
-        from simpick.experiments.report.tables import scores_table
+        from simpick.experiments.report.tables import no_attempts_lines, scores_table
         from simpick.terminal import Console
 
         console = Console()
@@ -42,6 +42,8 @@ class Run:
         run = Comparison.open(self.config, self.out, overwrite=self.execution.overwrite)
         run.run(self.execution, console)
         console.print(scores_table(self.config, run.results))
+        for line in no_attempts_lines({self.config.mode: run.results}):
+            console.print_line(line)
         console.print_line(f"results: {self.out / 'results.jsonl'}")
         if self.execution.record:
             files = [run.recording(result) for result in run.results]

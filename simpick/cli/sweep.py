@@ -29,6 +29,7 @@ class Sweep:
         """Run every level and draw the plot."""
         from simpick.cli.parts import describe_files
         from simpick.experiments.comparison import Comparison
+        from simpick.experiments.report.tables import no_attempts_lines
         from simpick.experiments.sweep import noise_steps, plot_steps, steps_csv, steps_table
         from simpick.terminal import Console
 
@@ -40,6 +41,9 @@ class Sweep:
         comparison.run(self.execution, console)
         steps = noise_steps(self.config, comparison)
         console.print(steps_table(steps))
+        by_mode = {mode: [r for r in comparison.results if r.mode == mode] for mode in comparison.modes}
+        for line in no_attempts_lines(by_mode):
+            console.print_line(line)
         comparison.store.write("sweep.csv", steps_csv(steps))
         plot_steps(steps, self.out / "sweep.png")
         console.print_line(f"plot: {self.out / 'sweep.png'}")

@@ -30,11 +30,14 @@ def run_jobs(jobs: Sequence[Job], store: ResultStore, execution: Execution, cons
     with progress_bar(console, keep=True) as progress:
         task = progress.add_task("episodes", total=len(jobs), completed=len(jobs) - len(missing))
 
+        def begin(config: RunConfig, episode: int) -> None:
+            progress.update(task, description=f"bin {episode}, {config.mode}: filling it, loading estimators")
+
         def show(config: RunConfig, episode: int, pick: PickRecord) -> None:
             where = f"bin {episode}, {config.mode}, pick {pick.pick}"
             progress.update(task, description=f"{where}: {pick.outcome.value}, {pick.remaining} left")
 
-        for result in _results(missing, store.path if execution.record else None, execution, show):
+        for result in _results(missing, store.path if execution.record else None, execution, begin, show):
             store.add(result)
             progress.advance(task)
             if result.ended == PickOutcome.SIMULATION_FAULT:
@@ -47,6 +50,7 @@ def _results(
     jobs: Sequence[Job],
     folder: Path | None,
     execution: Execution,
+    on_start: Callable[[RunConfig, int], None],
     on_pick: Callable[[RunConfig, int, PickRecord], None],
 ) -> Iterator[EpisodeResult]:
     """Yield the results of these jobs as they end; recordings go into `folder` unless that is None."""
@@ -58,6 +62,7 @@ def _results(
         yield from _results_from_pool(jobs, folder, execution.workers)
     else:
         for job in jobs:
+            on_start(*job)
             yield run_recorded_episode(*job, folder, on_pick=lambda pick, job=job: on_pick(*job, pick))
 
 

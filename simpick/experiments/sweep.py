@@ -11,6 +11,7 @@ from pathlib import Path
 from simpick.experiments.analysis.grasp_scores import GraspScores, score_grasps
 from simpick.experiments.comparison import Comparison
 from simpick.experiments.config import SweepConfig
+from simpick.experiments.report.tables import share
 from simpick.metrics.intervals import wilson_interval
 from simpick.plotting import new_figure, save_figure
 from simpick.terminal import Table, narrow_table
@@ -46,11 +47,13 @@ def steps_table(steps: Sequence[NoiseStep]) -> Table:
     table = narrow_table(*columns, title="oracle with noise", padding=2)
     for step in steps:
         low, high = step.interval
+        # One bin has no interval: its attempts are not independent.
+        known = step.scores.attempts > 0 and step.scores.episodes > 1
         table.add_row(
             f"{step.noise:g} {step.unit}",
-            f"{step.scores.grasp_success:.1%}",
-            f"{low:.1%} to {high:.1%}",
-            f"{step.scores.clearance:.1%}",
+            share(step.scores.grasp_success),
+            f"{low:.1%} to {high:.1%}" if known else "-",
+            share(step.scores.clearance),
             str(step.scores.attempts),
         )
     return table

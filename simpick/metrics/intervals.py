@@ -22,10 +22,15 @@ class Interval:
     high: float
 
     @property
+    def is_known(self) -> bool:
+        """Return whether there are bounds; one bin has none."""
+        return not (np.isnan(self.low) or np.isnan(self.high))
+
+    @property
     def excludes_zero(self) -> bool:
         """Return whether zero lies outside; for a difference, whether it is significant.
 
-        A zero-width interval is never significant: there was only one bin, or all bins gave the same value.
+        A zero-width interval is never significant: all bins gave the same value.
         """
         return not self.has_zero_width and (self.low > 0 or self.high < 0)
 
@@ -45,7 +50,12 @@ def wilson_interval(share: float, count: int, z: float = 1.96) -> tuple[float, f
 
 
 def resample_bins(bins: int, resamples: int, rng: np.random.Generator) -> Int[np.ndarray, "resamples bins"]:
-    """Return how often each bin is drawn in each resample of the same size, with replacement."""
+    """Return how often each bin is drawn in each resample of the same size, with replacement.
+
+    One bin, or none, gives no resamples: nothing can vary, so `percentile_interval` has no bounds.
+    """
+    if bins < 2:
+        return np.zeros((0, bins), int)
     return rng.multinomial(bins, np.full(bins, 1 / bins), size=resamples)
 
 

@@ -45,7 +45,9 @@ def gains_table(gains: Sequence[Gain]) -> Table | None:
     if not gains:
         return None
     rows = [(g.estimator, g.baseline, g.detections, *(_cell(g.differences[name]) for name in FIGURES)) for g in gains]
-    title = "Gain over the predecessor, percentage points, 95 % intervals over bins"
+    known = any(interval.is_known for gain in gains for interval in gain.differences.values())
+    over = "95 % intervals over bins" if known else "one bin: no intervals"
+    title = f"Gain over the predecessor, percentage points, {over}"
     return narrow_table("estimator", "over", "detections", *FIGURES.values(), title=title, labels=3, rows=rows)
 
 
@@ -64,4 +66,6 @@ def _differences(before: Sequence[BinFigures], after: Sequence[BinFigures]) -> d
 
 
 def _cell(interval: Interval) -> str:
+    if not interval.is_known:
+        return f"{100 * interval.value:+.1f}"
     return f"{100 * interval.value:+.1f} ({100 * interval.low:+.1f} to {100 * interval.high:+.1f})"

@@ -94,7 +94,8 @@ def detection_intervals(found: Sequence[BinDetections], seed: int = 0) -> dict[s
     counts = resample_bins(len(found), _RESAMPLES, np.random.default_rng(seed))
     resampled = [asdict(scores.figures(row.astype(float))) for row in counts]
     intervals = {
-        name: percentile_interval(value, np.array([100 * r[name] for r in resampled])) for name, value in values.items()
+        name: percentile_interval(value, np.array([100 * r[name] for r in resampled], float))
+        for name, value in values.items()
     }
     tallies = [_tally(f) for f in found]
     for name in tallies[0]:
@@ -124,6 +125,8 @@ def _tally(found: BinDetections) -> dict[str, tuple[float, float]]:
 
 
 def _shown(interval: Interval) -> str:
+    if not interval.is_known:
+        return "-" if np.isnan(interval.value) else f"{interval.value:.1f}"
     return f"{interval.value:.1f} ({interval.low:.1f} to {interval.high:.1f})"
 
 

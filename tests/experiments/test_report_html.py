@@ -36,5 +36,6 @@ def test_a_comparison_without_a_whole_bin_reports_so(tmp_path: Path) -> None:
 
 def test_one_bin_decides_no_difference(tmp_path: Path) -> None:
     html = report(tmp_path, "retrieval", "fine", episodes=1)
-    assert "differs from that of fine cannot be decided: the interval has no width." in html
-    assert "1 paired bin of" in html and "1 bin is few:" in html and "includes zero" not in html
+    assert "differs from that of fine cannot be decided from one bin." in html
+    assert "1 paired bin of" in html and "One bin has no intervals:" in html and "includes zero" not in html
+    assert ">nan" not in html and "(nan" not in html

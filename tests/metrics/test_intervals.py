@@ -40,6 +40,16 @@ def test_every_resample_draws_as_many_bins() -> None:
     assert (counts.sum(axis=1) == 7).all() and (counts != 1).any()
 
 
+@pytest.mark.parametrize("bins", [0, 1])
+def test_fewer_than_two_bins_have_no_interval(bins: int) -> None:
+    counts = resample_bins(bins, 100, rng())
+    interval = percentile_interval(3.0, resampled_ratio(counts, np.full(bins, 3.0), np.ones(bins)))
+    assert interval.value == 3.0 and np.isnan([interval.low, interval.high]).all()
+    assert not (interval.is_known or interval.excludes_zero or interval.has_zero_width)
+    median = resampled_median(counts, np.array([1.0, 2.0][:bins]), np.zeros(bins, int))
+    assert not percentile_interval(1.0, median).is_known
+
+
 def test_the_percentile_interval_holds_the_middle_of_what_is_known() -> None:
     interval = percentile_interval(50.0, np.concatenate([np.arange(101.0), [np.nan]]))
     assert (interval.low, interval.high) == pytest.approx((2.5, 97.5))

@@ -92,7 +92,7 @@ def compare_modes(
     paired = paired_bins(results, modes)
     bins = tuple(r.episode for r in paired[modes[0]])
     left_out = tuple(sorted({r.episode for r in results if r.mode in modes} - set(bins)))
-    counts = resample_bins(len(bins), resamples, rng) if bins else np.zeros((resamples, 0), int)
+    counts = resample_bins(len(bins), resamples, rng)
     values = {mode: _values(paired[mode]) for mode in modes}
     replicates = {mode: _replicates(paired[mode], counts) for mode in modes}
     measures = {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import platform
 import shlex
 from collections.abc import Sequence
@@ -51,7 +50,7 @@ def report_html(comparison: Comparison, plots: dict[str, str]) -> str:
         lstrip_blocks=True,
     )
     environment.filters |= {"number": number, "heading": heading}
-    environment.tests["known"] = lambda interval: not math.isnan(interval.low)
+    environment.tests["known"] = lambda interval: interval.is_known
     paired, failures = comparison.paired(), comparison.failures()
     return environment.get_template("report_template.html").render(
         config=comparison.config,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from simpick.estimators.detections import is_simulated, labelled
@@ -13,6 +14,7 @@ from simpick.experiments.config import RunConfig
 from simpick.experiments.modes import ORACLE, parse_mode
 from simpick.experiments.result_store import EpisodeResult
 from simpick.metrics.intervals import Interval
+from simpick.records import PickOutcome
 from simpick.terminal import Table, narrow_table
 
 DIFFERENCES = ("grasp_success", "first_try", "clearance", "mpph", "rotation_deg", "translation_mm")
@@ -33,10 +35,15 @@ def number(value: float, measure: Measure, *, sign: bool = False) -> str:
 
 def with_interval(interval: Interval, measure: Measure, *, sign: bool = False) -> str:
     """Return a value with its interval, such as ``69.9 (60.1 to 78.0)``, on two lines."""
-    if math.isnan(interval.low):
+    if not interval.is_known:
         return number(interval.value, measure, sign=sign)
     low, high = (number(bound, measure, sign=sign) for bound in (interval.low, interval.high))
     return f"{number(interval.value, measure, sign=sign)}\n({low} to {high})"
+
+
+def share(value: float) -> str:
+    """Return a share in percent, or "-" where there is none."""
+    return "-" if math.isnan(value) else f"{value:.1%}"
 
 
 def heading(measure: Measure) -> str:
@@ -57,19 +64,37 @@ def scores_table(config: RunConfig, results: Sequence[EpisodeResult]) -> Table:
         "episodes": f"{scores.episodes}",
         "attempts": f"{scores.attempts}",
         "abstentions": f"{scores.abstentions}",
-        "grasp success": f"{scores.grasp_success:.1%}",
-        "clearance": f"{scores.clearance:.1%}",
-        "bins emptied": f"{scores.cleared_episodes:.1%}",
-        "first-try success": f"{scores.first_try_success:.1%}",
-        "mean picks per hour": f"{scores.mpph:.0f}",
-        "motion per attempt": f"{scores.motion_s:.2f} s",
-        "perception per pick": f"{scores.perception_s * 1e3:.0f} ms",
-        "median rotation error": f"{scores.rotation_deg:.2f} deg",
-        "median translation error": f"{scores.translation_mm:.2f} mm",
+        "grasp success": share(scores.grasp_success),
+        "clearance": share(scores.clearance),
+        "bins emptied": share(scores.cleared_episodes),
+        "first-try success": share(scores.first_try_success),
+        "mean picks per hour": _figure(scores.mpph, 0),
+        "motion per attempt": _figure(scores.motion_s, 2, " s"),
+        "perception per pick": _figure(scores.perception_s * 1e3, 0, " ms"),
+        "median rotation error": _figure(scores.rotation_deg, 2, " deg"),
+        "median translation error": _figure(scores.translation_mm, 2, " mm"),
     }
     rows |= {f"outcome {name}": f"{n}" for name, n in scores.outcomes.items()}
     title = f"{config.mode}{note}, {config.gripper}, {labelled(config.detections_used)}"
     return narrow_table("measure", "value", title=title, rows=rows.items())
+
+
+def no_attempts_lines(results: Mapping[str, Sequence[EpisodeResult]]) -> list[str]:
+    """Return for each mode without an attempt why there was none: the most frequent cause of its abstentions."""
+    lines = []
+    for mode, of_mode in results.items():
+        if score_grasps(of_mode).attempts:
+            continue
+        valid = [result for result in of_mode if result.ended != PickOutcome.SIMULATION_FAULT]
+        causes = Counter(pick.cause for result in valid for pick in result.picks)
+        if causes:
+            cause, count = causes.most_common(1)[0]
+            lines.append(f"{mode}: no grasp was attempted in {causes.total()} picks; {count} times: {cause}")
+        elif of_mode:
+            lines.append(f"{mode}: no grasp was attempted: the physics diverged in every bin ({len(of_mode)})")
+        else:
+            lines.append(f"{mode}: no grasp was attempted: no bin is finished")
+    return lines
 
 
 def source_line(detections: str, modes: Sequence[str]) -> str:
@@ -94,8 +119,7 @@ def one_bin_table(statistics: PairedStatistics) -> Table:
 
 def modes_tables(statistics: PairedStatistics) -> list[Table]:
     """Return the figures: a row per mode, a column per measure."""
-    bins = len(statistics.bins)
-    title = f"{bins} paired {'bin' if bins == 1 else 'bins'}, 95 % intervals"
+    title = f"{len(statistics.bins)} paired bins, 95 % intervals"
     return _tables(title, "mode", [(mode, statistics.measures[mode]) for mode in statistics.modes], MEASURES)
 
 
@@ -126,6 +150,10 @@ def cause_headings() -> list[str]:
 def cause_cells(failures: Sequence[Failure]) -> list[str]:
     """Return how many failures are attributed to each cause, and how many there are in total."""
     return [*map(str, count_causes(failures).values()), str(len(failures))]
+
+
+def _figure(value: float, digits: int, unit: str = "") -> str:
+    return "-" if math.isnan(value) else f"{value:.{digits}f}{unit}"
 
 
 def _tables(
