@@ -30,9 +30,10 @@ class Benchmark:
         if self.envs:
             return self._compare_envs()
         from simpick.experiments.speed import measure_simulator
-        from simpick.terminal import Console, narrow_table
+        from simpick.terminal import Console, narrow_table, working
 
-        figures = measure_simulator(self.config)
+        with working("picking, rendering and timing"):
+            figures = measure_simulator(self.config)
         rows = {
             "attempts": f"{figures.attempts}",
             "simulated time": f"{figures.simulated_s:.1f} s",
@@ -53,14 +54,15 @@ class Benchmark:
         import os
 
         from simpick.experiments.vector_speed import measure_vector
-        from simpick.terminal import Console, narrow_table
+        from simpick.terminal import Console, narrow_table, working
 
         config = self.config
         title = f"{config.count} parts, {config.gripper}, {config.estimator}, {os.cpu_count()} processor cores"
         columns = ("envs", "episodes", "attempts", "episodes/h", "attempts/h", "time for decisions")
         table = narrow_table(*columns, title=title, labels=0)
         for num_envs in self.envs:
-            figures = measure_vector(config, num_envs)
+            with working(f"picking in {num_envs} environments"):
+                figures = measure_vector(config, num_envs)
             table.add_row(
                 f"{num_envs}",
                 f"{figures.episodes}",

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import tyro
 
-from simpick.cli.outputs import viewer_command
+from simpick.cli.outputs import counted, viewer_command
 from simpick.experiments.config import CompareConfig, Execution
 
 
@@ -33,6 +33,13 @@ class Compare:
 
     def run(self) -> int:
         """Run what is missing, print the tables and write the report, also of a run that stops half-way."""
+        # First, so that nothing is silent while libraries load.
+        from simpick.terminal import Console, working
+
+        console = Console()
+        console.print_line(
+            f"comparing {', '.join(self.config.modes)} on {counted(self.config.episodes, 'bin')}: {self.out}"
+        )
         from simpick.cli.parts import describe_files
         from simpick.errors import OutputError, SimpickError
         from simpick.experiments.comparison import Comparison
@@ -45,9 +52,7 @@ class Compare:
             one_bin_table,
             source_line,
         )
-        from simpick.terminal import Console, working
 
-        console = Console()
         # First, so that a gripper that can hold none of the parts leaves no folder.
         for line in describe_files(self.config.parts, self.config.gripper):
             console.print_line(line)

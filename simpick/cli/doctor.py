@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import platform
+import shlex
 import shutil
 import sys
 from collections.abc import Callable
@@ -63,7 +64,7 @@ def check_packages() -> Finding:
             found.append(f"{name} {importlib.metadata.version(name)}")
         except importlib.metadata.PackageNotFoundError:
             missing.append(name)
-    remedy = f"pip install {' '.join(missing)}" if missing else ""
+    remedy = f"pip install {shlex.join(missing)}" if missing else ""
     return Finding("packages", not missing, ", ".join(found), remedy)
 
 

@@ -38,6 +38,11 @@ def write_image(file: Path, rgb: UInt8[np.ndarray, "height width 3"]) -> None:
     atomic_write_bytes(file, cv2.imencode(".png", rgb[:, :, ::-1])[1].tobytes())
 
 
+def counted(number: int, noun: str) -> str:
+    """Return a number with its noun, such as ``1 bin`` and ``2 bins``."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
 def viewer_command(recording: Path) -> str:
     """Return the command that opens a recording: with the viewer's path if it is beside Python, but not on PATH."""
     beside = Path(sys.executable).with_name("rerun")

@@ -116,13 +116,15 @@ class PartsAdd(Config):
     def run(self) -> int:
         """Import the file, register it and print the unit, size and mass that it was given."""
         from simpick.assets import CadSettings, add_user_part
+        from simpick.terminal import working
 
         file, unit = split_unit(str(self.file))
         unit = unit if self.unit == "auto" else self.unit
         settings = CadSettings(
             unit, self.density, self.rgb, self.simplify, self.thickness, self.body, self.symmetry
         )  # fmt: skip
-        imported = add_user_part(file, settings, name=self.name, replace=self.overwrite)
+        with working(f"reading {file}: repairs, symmetries, collision pieces"):
+            imported = add_user_part(file, settings, name=self.name, replace=self.overwrite)
         part = imported.part
         for note in imported.notes:
             print(note)
@@ -180,12 +182,14 @@ class PartsOnboard(Config):
         from simpick.estimators.registry import load_estimator
         from simpick.photos import save_onboarding
         from simpick.photos.parts import load_parts
+        from simpick.terminal import working
 
         if self.out.exists() and not self.overwrite:
             raise OutputError(f"{self.out} exists already. Choose another file with --out, or pass --overwrite.")
-        (part,) = load_parts([self.part], self.unit)
-        plugins = [load_estimator(self.mode), find_detector(self.detections).make()]
-        save_onboarding(self.out, part, plugins)
+        with working(f"onboarding {self.part}"):
+            (part,) = load_parts([self.part], self.unit)
+            plugins = [load_estimator(self.mode), find_detector(self.detections).make()]
+            save_onboarding(self.out, part, plugins)
         print(f"wrote {self.out}: {part.name}, {self.out.stat().st_size / 1e6:.1f} MB")
         return 0
 

@@ -55,6 +55,14 @@ class PoseBenchmark(Config):
 
     def run(self) -> int:
         """Score one estimator after the other and print its tables."""
+        # First, so that nothing is silent while libraries load.
+        from simpick.terminal import Console
+
+        console = Console()
+        if self.export is None:
+            console.print_line(
+                f"pose benchmark of {', '.join(self.estimators)} with {', '.join(self.detections)} detections"
+            )
         import time
 
         from simpick.assets.library import get_part
@@ -72,11 +80,10 @@ class PoseBenchmark(Config):
         from simpick.pose_eval.benchmark_runs import export_bins, make_views, run_pose_benchmark
         from simpick.pose_eval.file_detections import check_covers
         from simpick.pose_eval.pose_sources import make_source
-        from simpick.terminal import Console
 
         bins = benchmark_bins(self.bins, self.look)
         if self.export is not None:
-            export_bins(bins, self.export, Console())
+            export_bins(bins, self.export, console)
             return 0
         budget = PoseBudget(self.iterations, self.decoder)
         # Before any bin is made or file is written, so that a wrong name costs nothing.
@@ -94,7 +101,6 @@ class PoseBenchmark(Config):
             "decoder_steps_asked_for": self.decoder,
         }
         store = None if self.out is None else PoseBenchmarkStore(self.out, settings, overwrite=self.overwrite)
-        console = Console()
         start = time.perf_counter()
         if made := make_views(bins, workers=self.workers, console=console):
             console.print(f"{made} bins made and cached in {time.perf_counter() - start:.0f} s")

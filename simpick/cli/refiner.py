@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -38,14 +39,15 @@ class RefinerBasin(Config):
         from simpick.estimators.refiner import Refiner
         from simpick.pose_eval.benchmark_bins import benchmark_bins, load_view
         from simpick.pose_eval.refiner_basin import measure_basin, plot_basin
-        from simpick.terminal import Console
+        from simpick.terminal import Console, track, working
 
         check_image(self.out, overwrite=self.overwrite)
-        views = [load_view(bin) for bin in benchmark_bins(self.bins)]
-        with Refiner() as refiner:
+        console = Console()
+        views = [load_view(bin) for bin in track(benchmark_bins(self.bins), "making bins", console=console)]
+        with Refiner() as refiner, working("refining from known offsets", console):
             points = measure_basin(views, refiner, self.starts_deg, self.depth_percent / 100, self.seed)
         plot_basin(points, self.out)
-        Console().print_line(f"{len(points)} refinements: {self.out}")
+        console.print_line(f"{len(points)} refinements: {self.out}")
         return 0
 
 
@@ -95,21 +97,23 @@ class RefinerCalibrate(Config):
             random_bin,
             write_confidence,
         )
-        from simpick.terminal import Console
+        from simpick.terminal import Console, track, working
 
         check_image(self.out / "reliability.png", overwrite=self.overwrite)
         # Before any bin is made, so that a wrong name costs no time.
         estimators = {name: RefinedEstimator(load_estimator(name)) for name in self.starts}
         for name in self.detections:
             detector_data(name)
-        check = [load_view(bin) for bin in benchmark_bins(self.check_bins)]
-        fit = [random_bin(k, self.parts, self.count) for k in range(self.bins)]
+        console = Console()
+        check = [load_view(bin) for bin in track(benchmark_bins(self.check_bins), "making bins", console=console)]
+        fit = [random_bin(k, self.parts, self.count) for k in track(range(self.bins), "random bins", console=console)]
         fitted_on: dict[str, Outcomes] = {}
         held_out: dict[str, Outcomes] = {}
         for name, estimator in estimators.items():
             try:
-                fitted_on[name] = outcomes(fit, estimator, self.detections)
-                held_out[name] = outcomes(check, estimator, self.detections)
+                with working(f"refining the poses of {name}", console):
+                    fitted_on[name] = outcomes(fit, estimator, self.detections)
+                    held_out[name] = outcomes(check, estimator, self.detections)
             finally:
                 estimator.close()
         every = pooled(fitted_on.values())
@@ -125,12 +129,13 @@ class RefinerCalibrate(Config):
 
         provenance = {
             "made_by": f"simpick refiner calibrate --bins {self.bins} --parts {self.parts} --count {self.count} "
-            f"--check-bins {self.check_bins} --detections {' '.join(self.detections)} --starts {' '.join(self.starts)}",
+            f"--check-bins {self.check_bins} --detections {shlex.join(self.detections)} "
+            f"--starts {shlex.join(self.starts)}",
             "fitted_on": {name: figures(own) for name, own in fitted_on.items()},
             "checked_on_pose_benchmark": {name: figures(own) for name, own in answered.items()},
         }
         write_confidence(confidence, provenance, self.out / "confidence.json")
         plot_reliability(answered, confidence, self.out / "reliability.png")
-        Console().print(provenance)
-        Console().print_line(f"written to {self.out}")
+        console.print(provenance)
+        console.print_line(f"written to {self.out}")
         return 0

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import tyro
 
-from simpick.cli.outputs import viewer_command
+from simpick.cli.outputs import counted, viewer_command
 from simpick.experiments.config import Execution, RunConfig
 
 
@@ -30,12 +30,15 @@ class Run:
 
     def run(self) -> int:
         """Run the missing episodes and print the summary."""
-        from simpick.cli.parts import describe_files
-        from simpick.experiments.comparison import Comparison
-        from simpick.experiments.report.tables import no_attempts_lines, scores_table
+        # First, so that nothing is silent while libraries load.
         from simpick.terminal import Console
 
         console = Console()
+        console.print_line(f"picking {counted(self.config.episodes, 'bin')} with {self.config.mode}: {self.out}")
+        from simpick.cli.parts import describe_files
+        from simpick.experiments.comparison import Comparison
+        from simpick.experiments.report.tables import no_attempts_lines, scores_table
+
         # First, so that a gripper that can hold none of the parts leaves no folder.
         for line in describe_files(self.config.parts, self.config.gripper):
             console.print_line(line)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import tyro
 
+from simpick.cli.outputs import counted
 from simpick.experiments.config import Execution, SweepConfig
 
 
@@ -27,13 +28,18 @@ class Sweep:
 
     def run(self) -> int:
         """Run every level and draw the plot."""
+        # First, so that nothing is silent while libraries load.
+        from simpick.terminal import Console
+
+        console = Console()
+        console.print_line(
+            f"picking {counted(self.config.episodes, 'bin')} at {len(self.config.steps())} levels of noise: {self.out}"
+        )
         from simpick.cli.parts import describe_files
         from simpick.experiments.comparison import Comparison
         from simpick.experiments.report.tables import no_attempts_lines
         from simpick.experiments.sweep import noise_steps, plot_steps, steps_csv, steps_table
-        from simpick.terminal import Console
 
-        console = Console()
         # First, so that a gripper that can hold none of the parts leaves no folder.
         for line in describe_files(self.config.parts, self.config.gripper):
             console.print_line(line)

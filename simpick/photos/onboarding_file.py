@@ -8,6 +8,7 @@ they are found under the same keys, provided that the versions of what made them
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -66,7 +67,7 @@ def load_onboarding(path: Path) -> Part:
         arrays = read_arrays(path)
     except FileNotFoundError as error:
         raise ArrayFileError(
-            f"no onboarding file {path}. Make it with: simpick parts onboard PART --out {path}"
+            f"no onboarding file {path}. Make it with: simpick parts onboard PART --out {shlex.quote(str(path))}"
         ) from error
     meta = _object(arrays, "meta")
     if meta.get("format") != _FORMAT:

@@ -90,6 +90,7 @@ def test_more_bins_and_modes_are_added(whole: Path, tmp_path: Path, capsys) -> N
     results = read_results(folder / "results.jsonl")
     assert len(results) == 4 and results[0].timings_s == stamp
     printed = capsys.readouterr().out
+    assert printed.startswith("comparing oracle on 1 bin: ") and "comparing oracle, oracle_noise on 2 bins: " in printed
     assert "oracle_noise" in printed and "failed picks in the same bins, by cause" in printed
 
 

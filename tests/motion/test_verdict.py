@@ -64,6 +64,27 @@ CASES = {
         "did not come to lie in it",
         {**GRIPPED, "in_bin_after": (0, 2)},
     ),
+    "stuck after the gripped part was lost": (
+        PickOutcome.EJECTED,
+        "part_02 stuck to the gripper and was taken off; the gripped part was lost at stage carry",
+        {**GRIPPED, "stuck": (2,), "lost_at": "carry", "in_bin_after": (0, 1)},
+    ),
+    "delivered while another stuck": (
+        PickOutcome.SUCCESS,
+        "part_01 was delivered",
+        {**GRIPPED, "stuck": (1,), "in_bin_after": (0, 2), "in_chute_after": (1,)},
+    ),
+    "lost in a collision": (
+        PickOutcome.COLLISION,
+        "wall",
+        {**GRIPPED, "collision": "wall", "lost_at": "carry", "in_bin_after": BEFORE},
+    ),
+    "pushed out in a collision": (
+        PickOutcome.EJECTED,
+        "part_02 left the bin and did not reach the chute; wall",
+        {"collision": "wall", "nothing_gripped": "nothing", "in_bin_after": (0, 1)},
+    ),
+    "fault without a motion": (PickOutcome.SIMULATION_FAULT, "diverged", {"fault": "diverged", "unreachable": "far"}),
     "collision": (PickOutcome.COLLISION, "wall", {"collision": "wall", "in_bin_after": BEFORE}),
     "missed": (PickOutcome.MISSED, "closed", {"nothing_gripped": "closed", "in_bin_after": BEFORE}),
     "unreachable": (PickOutcome.UNREACHABLE, "too far", {"unreachable": "too far", "in_bin_after": BEFORE}),
@@ -83,3 +104,15 @@ def test_parts_that_lay_in_the_chute_before_are_not_delivered_again():
     verdict = judge(Evidence(in_bin=BEFORE, in_chute=(7,), in_bin_after=(0, 2), in_chute_after=(1, 7), gripped=(1,)))
     assert verdict.delivered == (1,)
     assert verdict.ejected == ()
+
+
+def test_what_left_the_bin_is_delivered_or_ejected_never_both():
+    evidence = Evidence(BEFORE, (7,), in_bin_after=(), in_chute_after=(7, 2), gripped=(2,), lifted=(2,))
+    verdict = judge(evidence)
+    assert (verdict.delivered, verdict.ejected) == ((2,), (0, 1))
+
+
+@pytest.mark.parametrize("notes", [{"fault": "diverged"}, {"unreachable": "too far"}])
+def test_without_a_pick_nothing_is_delivered_or_ejected(notes):
+    verdict = judge(Evidence(BEFORE, (7,), in_bin_after=(0,), in_chute_after=(1,), **notes))
+    assert verdict.delivered == verdict.ejected == ()
