@@ -7,7 +7,7 @@ few seconds, so that no command is silent.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from threading import Event, Thread
 from typing import Any, TypeVar
 
@@ -76,7 +76,9 @@ class Progress(RichProgress):
     def _write_until_stopped(self) -> None:
         wait_s = FIRST_LINE_S
         while not self._stopped.wait(wait_s):
-            self._write_lines([task for task in self.tasks if not task.finished])
+            # A full disk stops the lines; the command meets it itself, with what it writes next.
+            with suppress(OSError):
+                self._write_lines([task for task in self.tasks if not task.finished])
             wait_s = LINE_EVERY_S
 
     def _write_lines(self, tasks: Iterable[Task]) -> None:

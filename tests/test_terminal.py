@@ -93,6 +93,22 @@ def test_lines_end_where_the_work_fails(hurried) -> None:
     assert stream.getvalue() == written
 
 
+def test_a_full_disk_stops_the_lines_and_not_the_work(hurried) -> None:
+    class Full(io.StringIO):
+        tried = 0
+
+        def write(self, text: str) -> int:
+            self.tried += 1
+            raise OSError(28, "No space left on device")
+
+    stream = Full()
+    with working("working", Console(file=stream)):
+        deadline = time.monotonic() + 5
+        while stream.tried < 2:
+            assert time.monotonic() < deadline
+            time.sleep(0.005)
+
+
 def test_a_terminal_gets_a_bar() -> None:
     stream = io.StringIO()
     with progress_bar(Console(file=stream, force_terminal=True, width=80), keep=True) as bar:
