@@ -39,12 +39,12 @@ class Floor:
     def below(
         frame: CameraFrame, parts: Sequence[Part], Ts_camera_part: Sequence[Float[np.ndarray, "4 4"]]
     ) -> Floor | None:
-        """Return the floor below parts in these poses; None if the frame does not say where it is.
+        """Return the floor below parts in these poses; None without parts, or if the frame does not say where it is.
 
         That is so if the camera's pose is unknown (the identity), below z = 0, or far from there with all parts.
         """
         T = frame.T_world_camera
-        if np.array_equal(T, np.eye(4)) or T[2, 3] <= 0:
+        if not len(Ts_camera_part) or np.array_equal(T, np.eye(4)) or T[2, 3] <= 0:
             return None
         heights_m = [float((T @ T_camera_part)[2, 3]) for T_camera_part in Ts_camera_part]
         return None if np.median(np.abs(heights_m)) > _FARTHEST_M else Floor(T)

@@ -17,6 +17,7 @@ from rich.markdown import Markdown as Markdown
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
+    ProgressColumn,
     SpinnerColumn,
     Task,
     TaskProgressColumn,
@@ -83,7 +84,8 @@ class Progress(RichProgress):
 
     def _write_lines(self, tasks: Iterable[Task]) -> None:
         for task in tasks:
-            shown = [column.render(task) for column in self.columns if not isinstance(column, TimeRemainingColumn)]
+            columns = [column for column in self.columns if isinstance(column, ProgressColumn)]
+            shown = [column.render(task) for column in columns if not isinstance(column, TimeRemainingColumn)]
             words = [text.plain for text in shown if isinstance(text, Text) and text.plain]
             if task.time_remaining:
                 words.append(f"{task.time_remaining:.0f} s left")

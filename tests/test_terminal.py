@@ -80,7 +80,7 @@ def test_work_without_a_count_is_named(hurried) -> None:
 def test_a_share_of_work_is_written_with_its_texts(hurried) -> None:
     stream = io.StringIO()
     with share_bar("step {task.fields[n]}", "{task.fields[loss]}", "", console=Console(file=stream)) as bar:
-        bar.add_task("train", total=1.0, completed=0.25, n=7, loss="loss 0.5")
+        bar.add_task("train", total=4, completed=1, n=7, loss="loss 0.5")
         wait_for(stream, "step 7  25% loss 0.5 0:00:00\n")
 
 

@@ -44,7 +44,9 @@ def read_log(file: Path) -> list[dict[str, Any]]:
     for number, line in enumerate(lines, 1):
         try:
             row = load_json(line)
-            step = int(row["step"])
+            step = row["step"]
+            if type(step) is not int:
+                raise ValueError(f"step must be a whole number, got {step!r}")
             if not (row["split"] in ("train", "validation") and all(name in row for name in COUNTERS)):
                 raise ValueError("it lacks a counter, or its split is unknown")
         except (ValueError, KeyError, TypeError, OverflowError) as error:

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import pytest
 
-from simpick import run_folder
 from simpick.cli.main import main
 from simpick.errors import OutputError, SimpickError
 from simpick.estimators import registry
@@ -146,10 +145,10 @@ def test_a_full_disk_keeps_what_is_finished(whole: Path, tmp_path: Path, monkeyp
     first, second, *_ = read_results(whole / "results.jsonl")
     store.add(first)
 
-    def full(target: Path, content: bytes) -> None:
+    def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(run_folder, "atomic_write_bytes", full)
+    monkeypatch.setattr(Path, "write_bytes", full)
     with pytest.raises(OutputError, match=r"No space left on device\. What was finished before is kept"):
         store.add(second)
     assert second.key not in store

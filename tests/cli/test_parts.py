@@ -118,5 +118,6 @@ def test_check_draws_where_a_file_without_volume_is_open(tmp_path, capsys):
     assert f"picture of its open edges, in red: {out}" in captured.out
     assert "encloses no volume" in captured.err
     image = cv2.imread(str(out))
+    assert image is not None
     red = (image[..., 2] > 200) & (image[..., 1] < 60)
     assert red.sum() > 100

@@ -310,5 +310,6 @@ def test_bad_arguments_are_refused(arguments: dict, text: str) -> None:
 @pytest.mark.parametrize("action", [np.zeros(6), np.array([0, 0, np.nan, 0, 0, 0, 0])])
 def test_bad_actions_are_refused(action: np.ndarray) -> None:
     env = blind()
+    env.reset(seed=0)
     with pytest.raises(ConfigError, match="an action must be 7 finite numbers"):
         env.step(action)

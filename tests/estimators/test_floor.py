@@ -121,6 +121,11 @@ def test_estimates_below_the_floor_are_raised_with_all_their_hypotheses():
     np.testing.assert_allclose(after, before, atol=0.01)
 
 
+def test_a_frame_without_estimates_has_none():
+    frame = CameraFrame(np.zeros((240, 320, 3), np.uint8), CAMERA, T_WORLD_CAMERA)
+    assert Floor.under(frame, [], {}) == [] and Floor.below(frame, [], []) is None
+
+
 def test_estimates_stay_where_the_camera_is_not_calibrated():
     part = get_part("l_bracket")
     frame = CameraFrame(np.zeros((240, 320, 3), np.uint8), CAMERA, np.eye(4))

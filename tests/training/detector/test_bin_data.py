@@ -72,7 +72,7 @@ def test_a_damaged_file_is_reported(tmp_path: Path) -> None:
 @pytest.mark.parametrize("names", [("homogeneous_share", "crowd_share"), ("strong_share", "photo_share")])
 def test_shares_that_exceed_one_are_refused(names: tuple[str, str]) -> None:
     with pytest.raises(ConfigError, match=rf"{names[0]} and {names[1]} must not exceed 1 in sum, got 0\.8 and 0\.4"):
-        BinDataConfig(**dict(zip(names, (0.8, 0.4), strict=True)))
+        replace(BinDataConfig(), **dict(zip(names, (0.8, 0.4), strict=True)))
 
 
 def test_a_negative_index_is_refused() -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from simpick.errors import OutputError, SceneError
+from simpick.training.data.data_config import Split
 from simpick.training.detector import bin_supply
 from simpick.training.detector.bin_data import BinDataConfig
 from simpick.training.detector.bin_files import bin_file
@@ -47,7 +48,7 @@ class FakePool:
 def pool(monkeypatch: pytest.MonkeyPatch) -> FakePool:
     pool = FakePool()
 
-    def touch(folder: Path, config: BinDataConfig, split: str, index: int) -> None:
+    def touch(folder: Path, config: BinDataConfig, split: Split, index: int) -> None:
         bin_file(folder, config, split, index).touch()
 
     monkeypatch.setattr(bin_supply, "WorkerPool", lambda *arguments, **options: pool)
