@@ -72,13 +72,14 @@ class RayPoseEstimator:
             self.start.onboard(part)
         known = self._banks.get(part.name)
         if known is None or known.part.content_hash != part.content_hash:
-            bank = TemplateBank(self.model, part, load_templates(part))
+            templates = load_templates(part)
+            bank = TemplateBank(self.model, part, templates)
             if self.start is None:
                 with torch.inference_mode():
                     bank.over_sphere()
             self._banks[part.name] = bank
             if self.start is not None and self.config.views:
-                self._indices[part.name] = load_view_index(self.model, part, load_templates(part))
+                self._indices[part.name] = load_view_index(self.model, part, templates)
 
     def estimate(self, frame: CameraFrame, detections: Sequence[Detection]) -> list[PoseEstimate]:
         """Return the pose of each valid detection, with its hypotheses.
