@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from hypothesis import HealthCheck, settings
@@ -25,6 +26,16 @@ def refusing(kind: type[Exception], *names: str) -> Iterator[None]:
     except kind as error:
         if not any(name in str(error) for name in names):
             raise
+
+
+@contextmanager
+def restored(file: Path) -> Iterator[bytes]:
+    """Give the content of a file and write it back afterwards, so that no example sees the damage of one before."""
+    whole = file.read_bytes()
+    try:
+        yield whole
+    finally:
+        file.write_bytes(whole)
 
 
 _SCALARS = (

@@ -110,8 +110,14 @@ def symmetries_from_bop(info: dict[str, Any], T_model_part: Float[np.ndarray, "4
             raise DatasetError(f"{where}: symmetries_continuous[{k}] must have an axis that is not 0.")
         axis_part = T_part_model[:3, :3] @ (axis / np.linalg.norm(axis))
         offset_part = T_part_model[:3, :3] @ (offset / MM_PER_M) + T_part_model[:3, 3]
-        continuous.append(ContinuousSymmetry.of(axis_part, offset_part))
-    return SymmetryGroup(np.array(discrete).reshape(-1, 4, 4), tuple(continuous))
+        try:
+            continuous.append(ContinuousSymmetry.of(axis_part, offset_part))
+        except ConfigError as error:
+            raise DatasetError(f"{where}: symmetries_continuous[{k}]: {error}.") from error
+    try:
+        return SymmetryGroup(np.array(discrete).reshape(-1, 4, 4), tuple(continuous))
+    except ConfigError as error:
+        raise DatasetError(f"{where}: symmetries_discrete: {error}.") from error
 
 
 def bop_from_symmetries(group: SymmetryGroup, T_model_part: Float[np.ndarray, "4 4"]) -> dict[str, Any]:

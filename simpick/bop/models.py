@@ -17,7 +17,7 @@ from simpick.assets.part import Material, Part
 from simpick.bop.conventions import MM_PER_M, symmetries_from_bop
 from simpick.bop.json_files import positive_number, read_json_by_id
 from simpick.bop.ply import read_ply
-from simpick.errors import DatasetError
+from simpick.errors import DatasetError, MeshError
 from simpick.geometry.transforms import invert, transform, transform_points
 
 MIN_DIAMETER_MM, MAX_DIAMETER_MM = 2.0, 3000.0
@@ -133,7 +133,8 @@ class BopModels:
         self._check_unit(mesh, positive_number(entry, "diameter", self._where(obj_id), _DIAMETER_REMEDY), path)
         material, colours = _material(mesh), vertex_colours(mesh)
         vertices_m = mesh.vertices / MM_PER_M
-        T_model_part = transform(translation=(vertices_m.min(axis=0) + vertices_m.max(axis=0)) / 2)
+        used_m = vertices_m[np.unique(mesh.faces)]
+        T_model_part = transform(translation=(used_m.min(axis=0) + used_m.max(axis=0)) / 2)
         shape = trimesh.Trimesh(transform_points(invert(T_model_part), vertices_m), mesh.faces, process=False)
         try:
             hull = shape.convex_hull
@@ -142,16 +143,20 @@ class BopModels:
                 f"{path}: the mesh is flat or degenerate and has no convex hull; check the model."
             ) from error
         symmetries = symmetries_from_bop(entry, T_model_part, self._where(obj_id))
-        return Part(
-            self._names[obj_id],
-            shape,
-            (hull,),
-            symmetries,
-            material=material,
-            T_cad_part=T_model_part,
-            metres_per_cad_unit=1 / MM_PER_M,
-            face_rgb=None if colours is None else face_colours(mesh, colours),
-        )
+        face_rgb = None if colours is None else face_colours(mesh, colours)
+        try:
+            return Part(
+                self._names[obj_id],
+                shape,
+                (hull,),
+                symmetries,
+                material=material,
+                T_cad_part=T_model_part,
+                metres_per_cad_unit=1 / MM_PER_M,
+                face_rgb=face_rgb,
+            )
+        except MeshError as error:
+            raise DatasetError(f"{path}: cannot be used as a part ({error}); check the model.") from error
 
     def _where(self, obj_id: int) -> str:
         return f"{self.folder / 'models_info.json'}, object {obj_id}"

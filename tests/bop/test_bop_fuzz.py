@@ -19,7 +19,7 @@ from simpick.bop.results_csv import HEADER
 from simpick.bop.rle import encode_compressed_rle, encode_rle
 from simpick.bop.targets import read_targets
 from simpick.errors import DatasetError
-from tests.damage import FUZZ, damaged_bytes, damaged_value, refusing
+from tests.damage import FUZZ, damaged_bytes, damaged_value, refusing, restored
 
 MASK = np.zeros((4, 6), bool)
 MASK[1:3, 2:5] = True
@@ -91,28 +91,24 @@ def test_results(tmp_path: Path, content: bytes) -> None:
 @given(data=st.data())
 def test_annotations(root: Path, name: str, data: st.DataObject) -> None:
     file = root / f"test/000004/{name}.json"
-    whole = file.read_text()
-    file.write_text(json.dumps(data.draw(damaged_value(json.loads(whole)))))
-    with refusing(DatasetError, "scene_", "mask", "models_info"):
+    with restored(file) as whole, refusing(DatasetError, "scene_", "mask", "models_info"):
+        file.write_text(json.dumps(data.draw(damaged_value(json.loads(whole)))))
         scene = BopDataset(root).scene(4)
         for im_id in scene:
             for read in (scene.frame, scene.truth, scene.detections, partial(scene.boxes, kind="bbox_visib")):
                 read(im_id)
-    file.write_text(whole)
 
 
 @FUZZ
 @given(data=st.data())
 def test_models_info(root: Path, data: st.DataObject) -> None:
     file = root / "models/models_info.json"
-    whole = file.read_text()
-    file.write_text(json.dumps(data.draw(damaged_value(json.loads(whole)))))
-    with refusing(DatasetError, "models_info", "obj_0000"):
+    with restored(file) as whole, refusing(DatasetError, "models_info", "obj_0000"):
+        file.write_text(json.dumps(data.draw(damaged_value(json.loads(whole)))))
         models = BopDataset(root).models
         for obj_id in models.obj_ids:
             models.part(obj_id)
             models.diameter_m(obj_id)
-    file.write_text(whole)
 
 
 @pytest.mark.parametrize(
@@ -122,10 +118,8 @@ def test_models_info(root: Path, data: st.DataObject) -> None:
 @given(data=st.data())
 def test_images_and_models(root: Path, name: str, data: st.DataObject) -> None:
     file = root / name
-    whole = file.read_bytes()
-    file.write_bytes(data.draw(damaged_bytes(whole)))
-    with refusing(DatasetError, file.name, "scene_camera"):
+    with restored(file) as whole, refusing(DatasetError, file.name, "scene_camera"):
+        file.write_bytes(data.draw(damaged_bytes(whole)))
         dataset = BopDataset(root)
         dataset.scene(4).frame(0)
         dataset.models.part(1)
-    file.write_bytes(whole)

@@ -143,6 +143,10 @@ def test_annotations(root: Path, file: str, change, expected: str) -> None:
         ({"symmetries_discrete": [[None] * 16]}, r"symmetries_discrete\[0\]: expected 16 numbers"),
         ({"symmetries_continuous": [3]}, r"symmetries_continuous\[0\]: expected an object"),
         ({"symmetries_continuous": [{"axis": [0, 0, 0], "offset": [0, 0, 0]}]}, r"must have an axis that is not 0"),
+        (
+            {"symmetries_discrete": [[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 2]]},
+            r"models_info\.json, object 1: symmetries_discrete: discrete symmetries must be rigid motions",
+        ),
     ],
 )
 def test_models_info(root: Path, change: dict, expected: str) -> None:

@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import trimesh
 
 from simpick.bop import BopDataset
 from simpick.geometry.transforms import invert, transform_points
@@ -98,3 +99,14 @@ def test_pixel_centres_move_by_half_a_pixel_and_lengths_to_millimetres(root, fra
     # The rod's CAD origin is at (0, 0.02, -0.005) m in its part frame.
     origin = instances[1].T_camera_part @ [0.0, 0.02, -0.005, 1.0]
     np.testing.assert_allclose(truth["cam_t_m2c"], 1000 * origin[:3], atol=1e-9)
+
+
+def test_a_vertex_that_no_face_uses_moves_no_part_frame(root):
+    before = BopDataset(root).models.part(1)
+    file = root / "models/obj_000001.ply"
+    mesh = trimesh.load_mesh(file, process=False)
+    stray = trimesh.Trimesh([*mesh.vertices, mesh.vertices.max(axis=0) + 5], mesh.faces, process=False)
+    stray.export(file)
+    after = BopDataset(root).models.part(1)
+    assert len(after.mesh.vertices) == len(before.mesh.vertices) + 1
+    np.testing.assert_allclose(after.T_cad_part, before.T_cad_part, atol=1e-9)
