@@ -23,6 +23,8 @@ _LARGEST_FILL = 0.06
 _SHORT_RIM = 4
 """Holes of so few edges are always filled: one or two missing faces."""
 _FLAT = 1e-3
+_LEAST_AREA = 1e-9
+"""A surface has at least this share of its bounding square."""
 _LEAST_VOLUME = 1e-6
 """A solid holds at least this share of its bounding cube."""
 _OVERLAP = 0.01
@@ -38,6 +40,11 @@ def solidified(
     0 takes all as one rigid part. Raises `OpenMeshError` for what encloses no volume, else `MeshError`.
     """
     notes: list[str] = []
+    if mesh.area <= _LEAST_AREA * float(mesh.extents.max()) ** 2:
+        raise OpenMeshError(
+            f"{file}: has no surface: the corners of each triangle lie on a line. Export it again from CAD as a solid.",
+            mesh,
+        )
     if thickness_m > 0 and open_edges(mesh):
         mesh = _thickened(mesh, thickness_m, file, notes)
     _check_not_flat(mesh, file)

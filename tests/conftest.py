@@ -17,8 +17,10 @@ _HOOK = install_import_hook("simpick", "tests.runtime_types.check")
 # expensive to make (verified grasps, templates) is made once, also across xdist's workers.
 os.environ.setdefault("SIMPICK_CACHE", str(Path(tempfile.gettempdir()) / f"simpick-tests-{os.getuid()}"))
 
-# 100 examples by default; `make fuzz` asks for this one.
+# The same examples in each run, so that a failure is of the change; `make fuzz` looks for new ones.
+settings.register_profile("default", derandomize=True)
 settings.register_profile("fuzz", max_examples=5000)
+settings.load_profile("default")
 
 SLOW = (
     "assets/test_library_parts.py",

@@ -125,6 +125,7 @@ def shell() -> trimesh.Trimesh:
     ("mesh", "text"),
     [
         (sheet(), "is flat: its thinnest side is 0 mm where its longest is 40 mm"),
+        (trimesh.Trimesh([[1, 0, 1], [3, 2, -3], [0, -1, 3]], [[0, 1, 2]]), "has no surface: the corners of each"),
         (shell(), "encloses no volume: "),
         (defects.without(defects.bracket().subdivide(), range(40)), "encloses no volume: "),
         (defects.joined(shell(), defects.flipped(shell())), "encloses no volume"),
