@@ -6,12 +6,14 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
-from jaxtyping import install_import_hook
 
-from tests import runtime_types as runtime_types
+from tests import runtime_types
 
 # Before any simpick module is imported, so that every annotated function is checked.
-_HOOK = install_import_hook("simpick", "tests.runtime_types.check")
+runtime_types.install()
+
+# The suite runs in one process per core; more threads would only wait for one another. Before torch is imported.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # A test must neither find nor leave anything in the user's cache. One folder for the whole run, so that what is
 # expensive to make (verified grasps, templates) is made once, also across xdist's workers.

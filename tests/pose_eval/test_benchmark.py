@@ -3,15 +3,17 @@
 import dataclasses
 import json
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from simpick.assets import get_part
+from simpick.assets import Part, get_part
 from simpick.bop import BopDataset, write_detections
 from simpick.cli.main import main
 from simpick.errors import ConfigError
+from simpick.estimators import registry
 from simpick.geometry import so3_exp, transform
 from simpick.pose_eval.benchmark_bins import MIXED_PARTS, benchmark_bins, fingerprint, load_view, view_path
 from simpick.pose_eval.benchmark_gains import gains
@@ -26,7 +28,7 @@ from simpick.pose_eval.benchmark_runs import (
 from simpick.pose_eval.bin_images import view_bin
 from simpick.pose_eval.pose_images import PoseImage
 from simpick.pose_eval.pose_sources import OracleSource
-from simpick.records import PoseEstimate, PoseHypothesis
+from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
 
 SIMULATED = ("perfect", "realistic")
 
@@ -85,17 +87,40 @@ def test_a_photograph_shows_the_same_parts_to_the_same_camera() -> None:
     assert roughness[1] > roughness[0]
 
 
+class Listening:
+    """Answers no detection well, and keeps what it was asked."""
+
+    def __init__(self) -> None:
+        self.asked: list[Sequence[Detection]] = []
+
+    def onboard(self, part: Part) -> None:
+        pass
+
+    def estimate(self, frame: CameraFrame, detections: Sequence[Detection]) -> list[PoseEstimate]:
+        self.asked.append(detections)
+        T = transform(translation=np.array([0.0, 0.0, 0.5]))
+        return [PoseEstimate(d.part, T, 0.5, "listening", 0.0, (), d) for d in detections]
+
+
 @pytest.mark.render
-def test_bins_are_written_for_other_detectors_whose_file_is_read(tmp_path: Path, capsys) -> None:
+def test_bins_are_written_for_other_detectors_whose_file_is_read(
+    tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    listening = Listening()
+    monkeypatch.setitem(registry.SHIPPED, "listening", registry.EstimatorSpec(lambda hypotheses, budget: listening))
     export, file = tmp_path / "bins", tmp_path / "theirs.json"
     assert main(["pose-benchmark", "--bins", "1", "--export", str(export)]) == 0
     (bin,) = benchmark_bins(1)
     perfect = load_view(bin).image("perfect").detections
     numbers = {name: obj_id for obj_id, name in zip(BopDataset(export).models.obj_ids, MIXED_PARTS, strict=True)}
     write_detections(file, [(bin.seed, 0, -1.0, perfect)], numbers.__getitem__)
-    result = run_pose_benchmark("retrieval", bins=1, detections=["perfect", str(file)])
-    same = [evaluation.summary for evaluation in result.evaluations.values()]
-    assert same[0] == same[1] and same[0].answered == len(perfect)
+    result = run_pose_benchmark("listening", bins=1, detections=["perfect", str(file)])
+    assert [e.summary.answered for e in result.evaluations.values()] == [len(perfect)] * 2
+    simulated, read = listening.asked
+    for ours, theirs in zip(simulated, read, strict=True):
+        assert ours.part == theirs.part and theirs.instance is None
+        np.testing.assert_array_equal(ours.mask, theirs.mask)
+        np.testing.assert_allclose(ours.box_xyxy_px, theirs.box_xyxy_px)
     empty = tmp_path / "empty.json"
     empty.write_text("[]")
     assert main(["pose-benchmark", "retrieval", "--bins", "1", "--detections", str(empty)]) == 2
