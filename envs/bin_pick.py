@@ -196,6 +196,12 @@ class BinPickEnv(BinEnv, EzPickle):
         info = self._info() | {"pick": pick, "ended": "max_picks" if truncated else ended}
         return self._observe(), float(reward), bool(ended), truncated, info
 
+    def _release_scene(self) -> None:
+        # It holds the scene and this environment's methods: a cycle that only Python's garbage collector would free,
+        # which counts objects, not the 26 MB of each model.
+        self.__dict__.pop("_executor", None)
+        super()._release_scene()
+
     def _check_loaded(self, scene: Scene) -> None:
         """Raise ConfigError where a loaded scene does not fit this environment's spaces."""
         loaded, own = scene.config, self.scene_config

@@ -303,4 +303,5 @@ class BinServoEnv(BinEnv, EzPickle):
         if self._image_renderer is not None:
             self._image_renderer.close()
         self._image_renderer = None
+        self.__dict__.pop("_monitor", None)  # It holds the scene.
         super()._release_scene()
