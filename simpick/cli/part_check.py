@@ -72,7 +72,10 @@ class PartsCheck(Config):
             console.print_line(f"picture of its open edges, in red: {self.out}")
             raise
         _print_shape(imported, console)
-        options = [gripping(imported.part, name) for name in track(self.grippers, "verifying grasps", console=console)]
+        grippers = track(
+            self.grippers, "verifying grasps, gripper by gripper", total=len(self.grippers), console=console
+        )
+        options = [gripping(imported.part, name) for name in grippers]
         _print_gripping(imported, options, console)
         choice = recommended(options)
         if choice is None:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import trimesh
 
+from simpick.assets.grippers.sampling.resting import stable_poses
 from simpick.assets.part import Part
 from simpick.geometry.transforms import transform
 from simpick.grasping.planner import GraspPlanner, PlannerConfig
@@ -21,11 +21,10 @@ def resting_coverage(part: Part, gripper: str, least: int = 2) -> float:
     Poses and their probabilities are those of the convex hull thrown at random (Goldberg 1999).
     """
     planner = GraspPlanner(gripper, BinConfig(), PlannerConfig(grasps_per_target=least, tries_per_target=2000))
-    Ts, shares = trimesh.poses.compute_stable_poses(part.mesh, sigma=0.0, n_samples=1, threshold=_LEAST_SHARE)
-    if not len(Ts):
-        # A ball of many facets rests on each of them with a small share: a few stand for all.
-        Ts, shares = trimesh.poses.compute_stable_poses(part.mesh, sigma=0.0, n_samples=1, threshold=0.0)
-        Ts, shares = Ts[:_MOST_EQUAL_POSES], shares[:_MOST_EQUAL_POSES]
+    Ts, shares = stable_poses(part)
+    likely = shares > _LEAST_SHARE
+    # A ball of many facets rests on each of them with a small share: a few stand for all.
+    Ts, shares = (Ts[likely], shares[likely]) if likely.any() else (Ts[:_MOST_EQUAL_POSES], shares[:_MOST_EQUAL_POSES])
     T_world_floor = transform(translation=np.array(BIN_CENTRE_M))
     covered = sum(
         share for T, share in zip(Ts, shares, strict=True) if len(planner.plan([part], [T_world_floor @ T])) >= least

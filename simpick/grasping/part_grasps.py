@@ -9,6 +9,10 @@ from simpick.grasping.store import cached_path, load_grasps, save_grasps
 from simpick.grasping.verification import verified
 from simpick.records import Grasp
 
+ENOUGH = 120
+"""Grasps that are enough for a new part. Candidates come from each resting pose in turn, the best first. Random parts
+with up to 320 candidates were picked as well with the first 100 of them: 3 parts, 2 bins of 12 each, all 72 grasps."""
+
 
 def candidate_grasps(part: Part, gripper: str) -> list[Grasp]:
     """Return diverse grasps of `part` that no simulation has verified yet, best first. Deterministic.
@@ -31,7 +35,7 @@ def verified_grasps(part: Part, gripper: str) -> list[Grasp]:
     grasps = load_grasps(part, gripper)
     if grasps is None:
         # The file holds float32: reading it back makes the first run equal to the second.
-        found = verified(part, candidate_grasps(part, gripper), gripper)
+        found = verified(part, candidate_grasps(part, gripper), gripper, enough=ENOUGH)
         save_grasps(cached_path(part, gripper), part, gripper, found)
         grasps = load_grasps(part, gripper)
     return grasps or []

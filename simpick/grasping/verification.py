@@ -13,6 +13,7 @@ import threading
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from itertools import islice
 
 import mujoco
 import numpy as np
@@ -141,11 +142,12 @@ class GraspBench:
         return float(np.linalg.norm(here - there)), float(turn)
 
 
-def verified(part: Part, grasps: Sequence[Grasp], gripper: str) -> list[Grasp]:
+def verified(part: Part, grasps: Sequence[Grasp], gripper: str, *, enough: int | None = None) -> list[Grasp]:
     """Return the grasps that hold, best first; quality = sampled quality x stillness, less where an offset loses it.
 
-    Deterministic. A grasp that holds as planned but not when displaced by the config's disturbance keeps half of
-    its quality: it is a last resort for a pose estimate that is never exact.
+    They are tried in the given order until `enough` hold. Deterministic. A grasp that holds as planned but not when
+    displaced by the config's disturbance keeps half of its quality: it is a last resort for a pose estimate that is
+    never exact.
     """
     if not grasps:
         return []
@@ -158,7 +160,9 @@ def verified(part: Part, grasps: Sequence[Grasp], gripper: str) -> list[Grasp]:
         return _tried(own.bench, number, grasp)
 
     with ThreadPoolExecutor(min(_MOST_THREADS, os.cpu_count() or 1)) as pool:
-        kept = [grasp for grasp in pool.map(tried, range(len(grasps)), grasps) if grasp is not None]
+        answers = pool.map(tried, range(len(grasps)), grasps)
+        kept = list(islice((grasp for grasp in answers if grasp is not None), enough))
+        pool.shutdown(cancel_futures=True)
     return sorted(kept, key=lambda g: -g.quality)
 
 

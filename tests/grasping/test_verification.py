@@ -55,6 +55,15 @@ def test_verification_sorts_out_and_orders() -> None:
     assert np.allclose(kept[0].T_part_tcp, grasps[2].T_part_tcp)
 
 
+def test_verification_ends_when_enough_hold() -> None:
+    offsets = (0.05, 0.0, 0.002, 0.004, 0.006)
+    grasps = [side_grasp((x, 0, 0)) for x in offsets]
+    everything = verified(get_part("hex_nut"), grasps, "jaw")
+    few = verified(get_part("hex_nut"), grasps, "jaw", enough=2)
+    assert len(everything) == 4 and {g.T_part_tcp[0, 3] for g in few} == {0.0, 0.002}
+    assert all(any(a.quality == b.quality for b in everything) for a in few)
+
+
 def test_an_unknown_gripper_is_refused() -> None:
     with pytest.raises(UnknownNameError, match=r"no gripper named 'hook'\. Valid: jaw, suction"):
         GraspBench(get_part("hex_nut"), "hook")

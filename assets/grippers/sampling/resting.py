@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 import trimesh
 from jaxtyping import Float
@@ -13,13 +15,23 @@ _MOST_POSES = 24
 _SAME_COSINE = np.cos(np.radians(10.0))
 
 
+@lru_cache(maxsize=64)
+def stable_poses(part: Part) -> tuple[Float[np.ndarray, "poses 4 4"], Float[np.ndarray, "poses"]]:
+    """Return the poses T_floor_part in which the convex hull, thrown at random, comes to rest, and their probabilities.
+
+    The most likely is first (Goldberg 1999). It takes seconds for a hull of many faces, so it is kept for each part.
+    """
+    Ts, shares = trimesh.poses.compute_stable_poses(part.mesh, sigma=0.0, n_samples=1, threshold=0.0)
+    return np.asarray(Ts, float).reshape(-1, 4, 4), np.asarray(shares, float)
+
+
 def resting_floors(part: Part) -> Float[np.ndarray, "poses 4"]:
     """Return floor planes (n, d) in the part frame, most likely first: points p of the part fulfil n . p >= d.
 
     n points up. Poses that a symmetry of the part maps onto each other count once, as do those of a round side that
     differ by less than 10 degrees. The least likely three per cent of throws are left out.
     """
-    Ts_world_part, shares = trimesh.poses.compute_stable_poses(part.mesh, sigma=0.0, n_samples=1, threshold=0.0)
+    Ts_world_part, shares = stable_poses(part)
     group = part.symmetries.transforms(24)[:, :3, :3]
     floors: list[Float[np.ndarray, "4"]] = []
     seen = np.zeros((0, 3))
