@@ -32,6 +32,7 @@ SLOW = (
     "bop/test_bop_fuzz.py",
     "cli/test_compare.py",
     "cli/test_run.py",
+    "cli/test_soak.py",
     "cli/test_sweep.py",
     "cli/test_train.py",
     "envs/test_bin_pick.py",

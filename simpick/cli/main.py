@@ -49,6 +49,7 @@ COMMANDS = {
     "refiner basin": "refiner:RefinerBasin",
     "refiner calibrate": "refiner:RefinerCalibrate",
     "benchmark": "benchmark:Benchmark",
+    "soak": "soak:Soak",
     "doctor": "doctor:Doctor",
 }
 """Module and class in `simpick.cli` of each command, in the order of the help."""
