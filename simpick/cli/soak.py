@@ -14,7 +14,7 @@ from simpick.experiments.config import RunConfig
 
 @dataclass(frozen=True)
 class Soak(Config):
-    """Run many episodes in one process and report what leaks or fails.
+    """Run many episodes in one process and judge what it holds.
 
     After each episode the process's memory, file descriptors, threads and processor time are noted; an episode that
     raises counts as a fault, and the next one follows. The exit code is 0 where all stay bounded, or where the episodes
