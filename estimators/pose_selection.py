@@ -17,10 +17,11 @@ def distinct_poses(
     *,
     rotation_deg: float,
     translation_diameters: float,
+    count: int | None = None,
 ) -> Int[np.ndarray, "k"]:
     """Return the rows of distinct poses, best first: those not within both limits of a better one that is kept.
 
-    The limits are of the angle over the symmetries and of the distance between origins.
+    The limits are of the angle over the symmetries and of the distance between origins. `count` limits how many.
 
     Raises:
         ConfigError: the diameter is not positive, or a limit is negative.
@@ -32,6 +33,8 @@ def distinct_poses(
         )
     kept: list[int] = []
     for k in np.argsort(-scores, kind="stable").tolist():
+        if count is not None and len(kept) == count:
+            break
         if not _near(Ts_a_part[k], Ts_a_part[kept], symmetries, rotation_deg, translation_diameters * diameter_m).any():
             kept.append(k)
     return np.array(kept, int)

@@ -202,8 +202,9 @@ class RayPoseEstimator:
             part.diameter_m,
             rotation_deg=self.config.cluster_deg,
             translation_diameters=self.config.cluster_diameters,
+            count=self.config.hypotheses,
         )
-        return [PoseHypothesis(own.Ts_camera_part[k], float(own.scores[k])) for k in distinct[: self.config.hypotheses]]
+        return [PoseHypothesis(own.Ts_camera_part[k], float(own.scores[k])) for k in distinct]
 
 
 def load_raypose(

@@ -57,7 +57,7 @@ class Predictor:
         return ViewPoses.cat(poses), torch.cat(scores).numpy()
 
     def _follow(self, queries: QueryTokens, templates: TemplateTokens) -> tuple[ViewPoses, Float[Tensor, "m"]]:
-        initial = self._model.initial_poses(queries, templates)
+        initial = self._model.initial_poses(queries, templates, covered_only=True)
         pose = consensus_pose(initial.poses.views(templates.diameter_m))
         return pose, self._support(initial, queries, templates, pose)
 

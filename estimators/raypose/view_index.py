@@ -61,7 +61,8 @@ class ViewIndex(TensorRecord):
                 part.diameter_m,
                 rotation_deg=_SPACING_DEG,
                 translation_diameters=np.inf,
-            )[:count]
+                count=count,
+            )
             found.append((Ts.numpy()[kept], scores[kept]))
         return found
 

@@ -42,6 +42,8 @@ def test_kept_poses_are_apart_and_others_are_near_one_of_them():
     angles_deg = np.degrees(SymmetryGroup().rotation_distance(Ts[:, None, :3, :3], Ts[None, kept, :3, :3]))
     assert angles_deg.min(axis=1).max() <= 40.0
     assert (angles_deg[kept] + 360 * np.eye(len(kept))).min() > 40.0
+    limits = {"rotation_deg": 40.0, "translation_diameters": 0.0}
+    assert distinct_poses(Ts, scores, SymmetryGroup(), 0.1, **limits, count=3).tolist() == kept[:3].tolist()
 
 
 def test_none_make_none_and_nonsense_is_refused():

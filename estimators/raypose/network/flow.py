@@ -3,6 +3,7 @@
 Not in the paper. Matching finds for each query cell a point anywhere on the part and is as coarse as its cells. Here
 template cells of half the width are searched for only around their expected projections, as in optical flow:
 correlations with all query cells are computed once and read around each projection (Teed and Deng, RAFT, ECCV 2020).
+They are computed only for cells that show the part, and for their neighbours, which are read with them.
 Each offset has its own 2 x 2 information matrix, because an edge constrains only the direction across it.
 """
 
@@ -16,6 +17,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from simpick.estimators.raypose.network.cell_subset import CellSubset
 from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.network.pose_solver import SolvedPoses, project, solve_poses
 from simpick.tensor_record import TensorRecord
@@ -119,7 +121,9 @@ class TemplateFlow(nn.Module):
             views, start = templates.coverage.shape[1], start.map(Tensor.detach)
             cells = templates.map(lambda x: x.float().flatten(1, 2))  # (batch, all cells, ...)
             expected = project(cells.points, half_tangent, start)[0][:, 0]  # (batch, all cells, 2)
-            cosine = self._correlations(query.float(), cells.descriptors, expected)  # (batch, all cells, offsets)
+            near = CellSubset.of(self._shows_or_touches(cells.coverage))
+            kept = self._correlations(query.float(), near.take(cells.descriptors), near.take(expected))
+            cosine = near.put(kept, cells.coverage.shape[1])  # (batch, all cells, offsets)
             log_probabilities = (cosine * self.log_temperature.exp().clamp(max=100.0)).log_softmax(dim=-1)
             mean = log_probabilities.exp() @ self.offsets
             mask = query_coverage.float().unflatten(-1, (1, self.side, self.side))
@@ -132,14 +136,15 @@ class TemplateFlow(nn.Module):
             )  # (batch, all cells, 5)
             offset = mean + read[..., :2] * self.unit
             valid = (cells.coverage > MIN_COVERAGE) & (there > MIN_COVERAGE)
+            useful = CellSubset.of(valid)
             pose = solve_poses(
-                cells.points,
-                expected + offset,
-                valid.float(),
+                useful.take(cells.points),
+                useful.take(expected + offset),
+                useful.take(valid).float(),
                 half_tangent,
                 start,
                 _ITERATIONS,
-                whitening=_upper_triangular(read[..., 2:]),
+                whitening=_upper_triangular(useful.take(read[..., 2:])),
                 damping=_DAMPING,
             )
             return Flow(cells.points, valid, expected, log_probabilities, offset, pose)
@@ -151,13 +156,22 @@ class TemplateFlow(nn.Module):
         expected: Float[Tensor, "batch cells 2"],
     ) -> Float[Tensor, "batch cells offsets"]:
         """Return the cosines of each cell with the query at the offsets around its expected projection."""
-        volume = (descriptors @ query.mT).unflatten(-1, (self.side, self.side))  # (batch, cells, side, side)
-        around = expected[:, :, None] + self.offsets  # (batch, cells, offsets, 2)
+        volume = descriptors @ query.mT  # (batch, cells, query cells)
+        # All offsets of a cell lie between the same query cells' centres, so a window of these has all that is needed.
+        reach = math.isqrt(len(self.offsets)) + 1
+        first = expected / self.unit + (self.side - reach + 1) / 2  # (batch, cells, 2), in cells
+        low = first.clamp(-reach, self.side).floor()
+        x, y = (low[..., None] + torch.arange(reach, device=low.device)).long().clamp(0, self.side - 1).unbind(dim=-2)
+        window = volume.gather(-1, (y[..., None] * self.side + x[..., None, :]).flatten(-2)).unflatten(-1, (reach, -1))
         # Between cells, correlations are interpolated, which is the correlation with interpolated descriptors.
-        sampled = F.grid_sample(
-            volume.flatten(0, 1)[:, None], around.flatten(0, 1)[:, None], padding_mode="border", align_corners=False
-        )
-        return sampled[:, 0, 0].unflatten(0, (len(query), -1))
+        fx, fy = (first - low).clamp(0, 1)[..., None, None].unbind(dim=-3)
+        rows = window[..., :-1].lerp(window[..., 1:], fx)
+        return rows[..., :-1, :].lerp(rows[..., 1:, :], fy).flatten(-2)
+
+    def _shows_or_touches(self, coverage: Float[Tensor, "batch cells"]) -> Bool[Tensor, "batch cells"]:
+        """Return which cells show the part or are beside such a cell of the same template."""
+        maps = (coverage > MIN_COVERAGE).float().view(len(coverage), -1, self.side, self.side)
+        return F.max_pool2d(maps, 3, 1, 1).flatten(1) > 0
 
     def _read(self, features: Float[Tensor, "batch cells features"], views: int) -> Float[Tensor, "batch cells 5"]:
         """Return for each cell a correction of its offset (2, in cells) and its information (3)."""

@@ -19,6 +19,8 @@ from simpick.tensor_record import TensorRecord
 
 MIN_COVERAGE = 0.3
 """Template cells that the part covers less are not matched."""
+_NEVER = -1e4
+"""Logit of such cells."""
 FEATURES = 11
 """Of `Matches.features`."""
 
@@ -27,7 +29,7 @@ FEATURES = 11
 class Matches(TensorRecord):
     """What each query cell matched among the cells of all templates."""
 
-    log_probabilities: Float[Tensor, "batch query_cells template_cells"]
+    logits: Float[Tensor, "batch query_cells template_cells"]
     """Of template cells (all templates, one after the other), for each query cell."""
     points: Float[Tensor, "batch query_cells 3"]
     """Expected position in the part's frame, in diameters."""
@@ -37,6 +39,11 @@ class Matches(TensorRecord):
     """Cosine of the most similar descriptor."""
     weights: Float[Tensor, "batch query_cells"]
     """Learned trust in each cell's match, in [0, 1]."""
+
+    @property
+    def log_probabilities(self) -> Float[Tensor, "batch query_cells template_cells"]:
+        """Return the logarithms of the template cells' probabilities, for each query cell."""
+        return self.logits.log_softmax(dim=-1)
 
     def features(
         self,
@@ -80,15 +87,14 @@ class Matcher(nn.Module):
         query_coverage: Float[Tensor, "batch query_cells"],
     ) -> Matches:
         """Return what each query cell matches among all template cells; positions in diameters of the part."""
-        cosine = query @ templates.mT  # (batch, query cells, template cells)
-        covered = (coverage >= MIN_COVERAGE)[:, None]
-        logits = cosine * self.log_temperature.exp().clamp(max=100.0)
-        log_probabilities = logits.masked_fill(~covered, -1e4).log_softmax(dim=-1)
-        weights = log_probabilities.exp()
-        mean = weights @ points  # (batch, query cells, 3)
-        square = (weights @ points.square()).sum(dim=-1)
-        spread = (square - mean.square().sum(dim=-1) + 1e-6).clamp_min(1e-6).sqrt()
-        similarity = cosine.masked_fill(~covered, -1.0).amax(dim=-1)
+        covered = (coverage >= MIN_COVERAGE)[:, None]  # (batch, 1, template cells)
+        scale = self.log_temperature.exp().clamp(max=100.0)
+        logits = (query * scale) @ templates.mT
+        logits = logits.masked_fill(~covered, _NEVER)  # (batch, query cells, template cells)
+        moments = torch.cat([points, points.square().sum(dim=-1, keepdim=True)], dim=-1)
+        mean, square = (logits.softmax(dim=-1) @ moments).split([3, 1], dim=-1)  # (batch, query cells, 3 and 1)
+        spread = (square[..., 0] - mean.square().sum(dim=-1) + 1e-6).clamp_min(1e-6).sqrt()
+        similarity = (logits.amax(dim=-1) / scale).clamp_min(-1.0)
         cues = torch.stack([spread * 4, similarity, query_coverage], dim=-1)
         trust = self.trust(torch.cat([query, cues], dim=-1)).squeeze(-1).sigmoid()
-        return Matches(log_probabilities, mean, spread, similarity, trust * (query_coverage > MIN_COVERAGE))
+        return Matches(logits, mean, spread, similarity, trust * (query_coverage > MIN_COVERAGE))

@@ -186,16 +186,18 @@ class RayPose(nn.Module):
         clean = self.decoder(noisy, log_snr, conditioning.tokens, conditioning.initial_maps, conditioning.context)
         return clean.reshape(maps.shape)
 
-    def initial_poses(self, query: QueryTokens, templates: TemplateTokens) -> InitialPoses:
-        """Return initial poses by group; templates need not be fused."""
-        return initial_poses(self.matcher, self.flow, *self._groups(query, templates))
+    def initial_poses(
+        self, query: QueryTokens, templates: TemplateTokens, *, covered_only: bool = False
+    ) -> InitialPoses:
+        """Return initial poses by group; templates need not be fused. `covered_only` is for answers, not for losses."""
+        return initial_poses(self.matcher, self.flow, *self._groups(query, templates), covered_only=covered_only)
 
     def search(self, query: QueryTokens, templates: TemplateTokens) -> tuple[ViewPoses, Float[Tensor, "batch"]]:
         """Return the best pose solved from matches alone, and its support, for networks that `solves_matches`.
 
         It costs a fraction of an answer and ranks rotations and starts. Templates need not be fused.
         """
-        initial = initial_poses(self.matcher, None, query, templates, _SEARCH_ITERATIONS)
+        initial = initial_poses(self.matcher, None, query, templates, _SEARCH_ITERATIONS, covered_only=True)
         support = initial.support(query, initial.poses)
         best, rows = support.argmax(dim=1), torch.arange(len(support), device=support.device)
         return initial.poses.views(templates.diameter_m).map(lambda x: x[rows, best]), support[rows, best]

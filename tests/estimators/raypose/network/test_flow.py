@@ -152,3 +152,17 @@ def test_gradients_reach_descriptors_and_reader_but_not_the_start(seed: int) -> 
     last = network.read[-1].bias.grad  # pyright: ignore[reportOptionalMemberAccess]
     assert isinstance(last, torch.Tensor) and (last != 0).all()
     assert start.R.grad is None
+
+
+def test_correlations_are_those_of_the_query_interpolated_around_each_expected_position() -> None:
+    g = torch.Generator().manual_seed(0)
+    cells, query = (torch.randn((BATCH, CELLS, TINY.flow_width), generator=g) for _ in range(2))
+    # Also far beyond the border, where the nearest cell counts.
+    expected = 1.5 * torch.randn((BATCH, CELLS, 2), generator=g)
+    network = flow_network()
+    maps = query.mT.unflatten(-1, (SIDE, SIDE))
+    around = expected[:, :, None] + network.offsets
+    sampled = torch.nn.functional.grid_sample(maps, around, padding_mode="border", align_corners=False)
+    wanted = torch.einsum("bcw,bwco->bco", cells, sampled)
+    found = network._correlations(query, cells, expected)
+    torch.testing.assert_close(found, wanted, rtol=1e-4, atol=1e-4)

@@ -7,6 +7,7 @@ import torch
 
 from simpick.estimators.raypose.diffusion.schedule import make_schedule
 from simpick.estimators.raypose.network.cell_geometry import cells_per_token, coarser_geometry
+from simpick.estimators.raypose.network.cell_subset import CellSubset
 from simpick.estimators.raypose.network.consensus import consensus_pose, consensus_score
 from simpick.estimators.raypose.network.model import RayPose
 from simpick.estimators.raypose.network.pose_maps import ViewPoses
@@ -248,3 +249,24 @@ def test_flow_starts_from_the_matched_pose_and_is_every_views_answer() -> None:
     with torch.inference_mode():
         plain = condition(awake(config), query, random_templates(2, config)).initial
     assert plain is not None and plain.flow is None and plain.poses is plain.solved
+
+
+def test_cells_beside_the_part_change_no_pose() -> None:
+    model, queries, inputs = awake(TINY), random_query(3), random_templates(3)
+    with torch.inference_mode():
+        query, templates = model.encode_query(queries), model.encode_templates(inputs)
+        everything = model.initial_poses(query, templates)
+        covered = model.initial_poses(query, templates, covered_only=True)
+    assert covered.matches.logits.shape[-1] < everything.matches.logits.shape[-1]
+    torch.testing.assert_close(covered.matches.points, everything.matches.points)
+    torch.testing.assert_close(covered.matches.similarity, everything.matches.similarity)
+    torch.testing.assert_close(covered.poses.R, everything.poses.R, rtol=1e-4, atol=1e-4)
+
+
+def test_a_subset_of_cells_is_taken_in_order_and_put_back() -> None:
+    subset = CellSubset.of(torch.tensor([[False, True, False, True], [False, False, False, True]]))
+    cells = torch.arange(8.0).view(2, 4, 1)
+    # The second row needs one cell less, and takes another.
+    assert subset.take(cells).squeeze(-1).tolist() == [[1.0, 3.0], [7.0, 4.0]]
+    assert subset.put(subset.take(cells), 4).squeeze(-1).tolist() == [[0.0, 1.0, 0.0, 3.0], [4.0, 0.0, 0.0, 7.0]]
+    assert CellSubset.of(torch.zeros(2, 4, dtype=torch.bool)).index.shape == (2, 1)
