@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float, UInt8
 from scipy.special import softmax
 
 from simpick.assets.part import Part
+from simpick.geometry import window_of_mask
 
 _LOG_ODDS_PER_SIMILARITY = 30.0
 _ROUNDS = 2
@@ -56,9 +57,12 @@ def instance_colours(
     """Return the median colour (CIELAB) of each mask, without its border as far as it is large enough."""
     lab = cv2.cvtColor(rgb.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
     kernel = np.ones((3, 3), np.uint8)
-    inner = [cv2.erode(mask.astype(np.uint8), kernel) > 0 for mask in masks]
-    shown = [i if i.sum() >= _SMALLEST_PX else mask for i, mask in zip(inner, masks, strict=True)]
-    return np.array([np.median(lab[pixels], axis=0) for pixels in shown], float).reshape(-1, 3)
+    colours = np.zeros((len(masks), 3))
+    for colour, mask in zip(colours, masks, strict=True):
+        window = window_of_mask(mask, 1)
+        inner = cv2.erode(mask[window].astype(np.uint8), kernel) > 0
+        colour[:] = np.median(lab[window][inner if inner.sum() >= _SMALLEST_PX else mask[window]], axis=0)
+    return colours
 
 
 def cad_colours(parts: Sequence[Part]) -> Float[np.ndarray, "parts 3"]:

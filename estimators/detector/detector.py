@@ -88,7 +88,7 @@ class LearnedDetector:
         named = self.naming.compare(frame, found.masks, parts)
         similarity = named.similarity
         evidence = np.zeros(similarity.shape)
-        if self.config.colours:
+        if self.config.colours and len(parts) > 1:
             colours = instance_colours(frame.rgb, found.masks)
             evidence = colour_evidence(similarity, found.scores, colours, cad_colours(parts))
         judged = judge_instances(

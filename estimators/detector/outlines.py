@@ -9,6 +9,8 @@ import numpy as np
 from jaxtyping import Bool, UInt8
 from scipy.ndimage import distance_transform_edt
 
+from simpick.geometry import window_of_mask
+
 _BAND_PX = 2
 # OpenCV's watershed leaves a line of undecided pixels between regions, which is thinner on an enlarged image.
 _SCALE = 2
@@ -24,9 +26,11 @@ def sharpen_outlines(
     band = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * _BAND_PX + 1, 2 * _BAND_PX + 1))
     markers = np.zeros(rgb.shape[:2], np.int32)
     for k, mask in enumerate(masks, 1):
-        inner = cv2.erode(mask.astype(np.uint8), band) > 0
+        window = window_of_mask(mask, _BAND_PX)
+        whole = mask[window]
+        inner = cv2.erode(whole.astype(np.uint8), band) > 0
         # What is thin keeps all of itself, as far as its neighbours leave it.
-        markers[inner if inner.sum() >= _LEAST_KEPT * mask.sum() else mask] = k
+        markers[window][inner if inner.sum() >= _LEAST_KEPT * whole.sum() else whole] = k
     background = cv2.erode((~np.any(masks, axis=0)).astype(np.uint8), band) > 0
     markers[background] = len(masks) + 1
     size = (_SCALE * rgb.shape[1], _SCALE * rgb.shape[0])

@@ -16,6 +16,8 @@ from jaxtyping import Bool, Float
 from scipy.optimize import minimize
 from scipy.special import expit
 
+from simpick.geometry import window_of_mask
+
 _RING_PX = 7
 # Merge: logit = a + b * logit of the mean affinity + c * gain in similarity.
 _MERGE_A, _MERGE_B, _MERGE_C = 1.48, 1.72, 17.2
@@ -66,6 +68,7 @@ def exposure(masks: Sequence[Bool[np.ndarray, "height width"]]) -> Float[np.ndar
     kernel = np.ones((_RING_PX, _RING_PX), np.uint8)
     shares = []
     for mask in masks:
-        ring = (cv2.dilate(mask.astype(np.uint8), kernel) > 0) & ~mask
-        shares.append(1 - (ring & covered).sum() / max(int(ring.sum()), 1))
+        window = window_of_mask(mask, _RING_PX // 2)
+        ring = (cv2.dilate(mask[window].astype(np.uint8), kernel) > 0) & ~mask[window]
+        shares.append(1 - (ring & covered[window]).sum() / max(int(ring.sum()), 1))
     return np.array(shares, float)

@@ -5,6 +5,7 @@ from .crops import crop_images as crop_images
 from .farthest_points import farthest_points as farthest_points
 from .image_boxes import box_of_mask as box_of_mask
 from .image_boxes import rotated_boxes as rotated_boxes
+from .image_boxes import window_of_mask as window_of_mask
 from .pinhole import Pinhole as Pinhole
 from .pinhole import opencv_from_mujoco_camera as opencv_from_mujoco_camera
 from .symmetry import ContinuousSymmetry as ContinuousSymmetry

@@ -14,6 +14,12 @@ def box_of_mask(mask: Bool[np.ndarray, "height width"]) -> Float[np.ndarray, "4"
     return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], float)
 
 
+def window_of_mask(mask: Bool[np.ndarray, "height width"], margin_px: int) -> tuple[slice, slice]:
+    """Return the rows and columns of the box around a mask, wider by a margin as far as the image reaches."""
+    x1, y1, x2, y2 = box_of_mask(mask).astype(int)
+    return slice(max(y1 - margin_px, 0), y2 + margin_px), slice(max(x1 - margin_px, 0), x2 + margin_px)
+
+
 def rotated_boxes(
     masks: Bool[np.ndarray, "n size size"], angles_rad: Float[np.ndarray, "n turns"]
 ) -> Float[np.ndarray, "n turns 4"]:
