@@ -31,6 +31,8 @@ class DetectorBenchmark(Config):
         None
     )
     """learned: weights of another training."""
+    single: bool = False
+    """Ask for one part at a time, in bins of other parts: three that the bin does not hold, two that it holds."""
     threads: PositiveInt = 2
     """Threads of the network."""
 
@@ -42,6 +44,7 @@ class DetectorBenchmark(Config):
         from simpick.estimators.detector import LearnedDetector
         from simpick.pose_eval.benchmark_bins import benchmark_bins
         from simpick.pose_eval.detector_benchmark import detect_bins, figures_table
+        from simpick.pose_eval.single_part_requests import answers_table, ask_for_single_parts
         from simpick.terminal import Console
 
         if self.weights is not None and self.detector != "learned":
@@ -49,6 +52,9 @@ class DetectorBenchmark(Config):
         torch.set_num_threads(self.threads)
         console = Console()
         make = find_detector(self.detector).make if self.weights is None else partial(LearnedDetector, self.weights)
-        found = detect_bins(make, benchmark_bins(self.bins, self.look), console)
-        console.print(figures_table(found))
+        bins = benchmark_bins(self.bins, self.look)
+        if self.single:
+            console.print(answers_table(ask_for_single_parts(make, bins, console)))
+        else:
+            console.print(figures_table(detect_bins(make, bins, console)))
         return 0

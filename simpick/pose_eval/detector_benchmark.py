@@ -12,7 +12,7 @@ from simpick.assets.library import get_part
 from simpick.estimators.base import Detector
 from simpick.estimators.boundary import validated_detections
 from simpick.metrics.intervals import Interval, percentile_interval, resample_bins
-from simpick.metrics.mask_scores import MaskScores
+from simpick.metrics.mask_scores import CONFIDENT, MaskScores
 from simpick.metrics.masks import MaskOverlaps, mask_overlaps, match_masks
 from simpick.pose_eval.benchmark_bins import BenchmarkBin, load_view
 from simpick.pose_eval.bin_images import BinView
@@ -81,7 +81,8 @@ def figures_table(found: Sequence[BinDetections], seed: int = 0) -> Table:
     kinds = {"all": found, **{k: [f for f in found if f.bin.kind == k] for k in ("mixed", "homogeneous")}}
     columns = {kind: detection_intervals(group, seed) for kind, group in kinds.items() if group}
     rows = [
-        [name, *(_shown(intervals[name]) for intervals in columns.values())] for name in next(iter(columns.values()))
+        [name, *(shown_interval(intervals[name]) for intervals in columns.values())]
+        for name in next(iter(columns.values()))
     ]
     headings = [f"{kind} ({len(kinds[kind])} bins)" for kind in columns]
     return narrow_table("", *headings, rows=rows, title="detections of parts visible to 30 % or more")
@@ -114,9 +115,13 @@ def _tally(found: BinDetections) -> dict[str, tuple[float, float]]:
     """Return numerator and denominator of naming accuracy, and of recall by visibility."""
     matches = match_masks(found.overlaps, 0.5)
     hits = [(k, int(m)) for k, m in enumerate(matches) if m >= 0]
-    right = sum(found.names[k] == found.truths[m] for k, m in hits)
     recalled = {m for _, m in hits}
-    rows: dict[str, tuple[float, float]] = {"named right": (right, len(hits))}
+    is_right = {k: found.names[k] == found.truths[m] for k, m in hits}
+    sure = [right for k, right in is_right.items() if found.overlaps.scores[k] >= CONFIDENT]
+    rows: dict[str, tuple[float, float]] = {
+        "named right": (sum(is_right.values()), len(hits)),
+        "named right, score 0.5 or more": (sum(sure), len(sure)),
+    }
     for low, high in VISIBILITY:
         inside = [m for m, fraction in enumerate(found.overlaps.visible_fractions) if low <= fraction < high]
         name = f"found, {low:.0%} to {min(high, 1):.0%} visible"
@@ -124,7 +129,8 @@ def _tally(found: BinDetections) -> dict[str, tuple[float, float]]:
     return rows
 
 
-def _shown(interval: Interval) -> str:
+def shown_interval(interval: Interval) -> str:
+    """Return a figure and its interval as one cell of a table."""
     if not interval.is_known:
         return "-" if np.isnan(interval.value) else f"{interval.value:.1f}"
     return f"{interval.value:.1f} ({interval.low:.1f} to {interval.high:.1f})"
