@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import safetensors
 from safetensors.torch import save as to_bytes
 
 from simpick.caching import atomic_write_bytes
 from simpick.errors import CheckpointError
 from simpick.estimators.detector.network import InstanceNetwork
 from simpick.estimators.detector.scores import MaskScore
-from simpick.estimators.raypose.strict_weights import check_weights
+from simpick.estimators.weight_files import check_weights, read_weights, shipped_weights
 from simpick.json_text import load_json
 
 FORMAT = "simpick-detector"
@@ -61,23 +59,7 @@ def load_detector_checkpoint(path: Path) -> DetectorCheckpoint:
     Raises:
         CheckpointError: the file is missing, damaged, of another network or version, or its weights do not fit.
     """
-    if not path.is_file():
-        raise CheckpointError(f"there is no checkpoint {path}; give the path of a .safetensors file of simpick")
-    try:
-        with safetensors.safe_open(str(path), framework="pt") as file:
-            header = file.metadata() or {}
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - no mapping
-    except (safetensors.SafetensorError, OSError, ValueError) as error:
-        raise CheckpointError(f"{path} is damaged or no safetensors file ({error})") from error
-    if header.get("format") != FORMAT:
-        raise CheckpointError(
-            f"{path} must be a checkpoint of simpick's detector, but its format is "
-            f"{header.get('format', 'not given')!r}"
-        )
-    if header.get("version") != VERSION:
-        raise CheckpointError(
-            f"{path} must be of version {VERSION}, got {header.get('version')!r}; use the simpick that wrote it"
-        )
+    header, tensors = read_weights(path, FORMAT, VERSION, "simpick's detector")
     network = InstanceNetwork()
     check_weights(path, tensors, network.state_dict(), "simpick's detector")
     network.load_state_dict({name: t.float() if t.is_floating_point() else t for name, t in tensors.items()})
@@ -99,10 +81,4 @@ def shipped_detector_checkpoint() -> Path:
     Raises:
         CheckpointError: this installation has none.
     """
-    path = Path(str(files("simpick.assets.weights").joinpath(SHIPPED_WEIGHTS)))
-    if not path.exists():
-        raise CheckpointError(
-            f"this installation has no weights of the detector ({path.name} is missing); train some with: "
-            "simpick train detector, and pass them as weights"
-        )
-    return path
+    return shipped_weights(SHIPPED_WEIGHTS, "the detector", "simpick train detector")

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import safetensors
-import torch
 from safetensors.torch import save as to_bytes
 
 from simpick.caching import atomic_write_bytes
@@ -17,7 +14,7 @@ from simpick.config import from_json
 from simpick.errors import CheckpointError
 from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.network.model import RayPose
-from simpick.estimators.raypose.strict_weights import check_weights
+from simpick.estimators.weight_files import check_weights, read_weights, shipped_weights
 from simpick.json_text import load_json
 
 FORMAT = "simpick-raypose"
@@ -65,7 +62,7 @@ def load_checkpoint(path: Path, *, dino_weights: Path | None = None) -> Checkpoi
         CheckpointError: the file is missing, damaged, foreign, of another version, or its weights do not fit its
             configuration; or it needs DINOv2's weights and none are given.
     """
-    header, tensors = _read(path)
+    header, tensors = read_weights(path, FORMAT, VERSION, "RayPose written by simpick")
     try:
         config = from_json(RayPoseConfig, load_json(header["config"]), complete=True)
         card = load_json(header["card"])
@@ -95,32 +92,4 @@ def shipped_checkpoint() -> Path:
     Raises:
         CheckpointError: this installation has none.
     """
-    path = Path(str(files("simpick.assets.weights").joinpath(SHIPPED_WEIGHTS)))
-    if not path.exists():
-        raise CheckpointError(
-            f"this installation has no weights ({path.name} is missing); train some with: simpick train fine, and pass "
-            "them as weights"
-        )
-    return path
-
-
-def _read(path: Path) -> tuple[dict[str, str], dict[str, torch.Tensor]]:
-    if not path.is_file():
-        raise CheckpointError(f"there is no checkpoint {path}; give the path of a .safetensors file of simpick")
-    try:
-        with safetensors.safe_open(str(path), framework="pt") as file:
-            header = file.metadata() or {}
-            ours = header.get("format") == FORMAT and header.get("version") == VERSION
-            tensors = {name: file.get_tensor(name) for name in file.keys()} if ours else {}  # noqa: SIM118 - no mapping
-    except (safetensors.SafetensorError, OSError, ValueError) as error:
-        raise CheckpointError(f"{path} is damaged or no safetensors file ({error}); get it again") from error
-    if header.get("format") != FORMAT:
-        raise CheckpointError(
-            f"{path} must be a checkpoint of RayPose written by simpick, but its format is "
-            f"{header.get('format', 'not given')!r}"
-        )
-    if not ours:
-        raise CheckpointError(
-            f"{path} must be of version {VERSION}, got {header.get('version')!r}; use the simpick that wrote it"
-        )
-    return header, tensors
+    return shipped_weights(SHIPPED_WEIGHTS, "RayPose", "simpick train fine")

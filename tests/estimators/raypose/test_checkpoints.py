@@ -170,6 +170,6 @@ def test_a_card_that_cannot_be_read(saved: Path, card: str) -> None:
 def test_an_installation_without_weights_says_how_to_train_them(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(checkpoints, "SHIPPED_WEIGHTS", "absent.safetensors")
     with pytest.raises(
-        CheckpointError, match=r"has no weights \(absent.safetensors is missing\); train some with: simp"
+        CheckpointError, match=r"has no weights of RayPose \(absent.safetensors is missing\); train some with: simp"
     ):
         shipped_checkpoint()

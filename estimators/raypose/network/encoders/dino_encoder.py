@@ -21,7 +21,7 @@ from torch import Tensor, nn
 from simpick.errors import CheckpointError, ConfigError
 from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.network.encoders.feature_maps import FeatureMaps
-from simpick.estimators.raypose.strict_weights import check_weights
+from simpick.estimators.weight_files import check_weights
 
 PATCH_PX = 14
 _TIMM_NAMES = {
