@@ -56,7 +56,7 @@ class Target(TensorRecord):
 
 
 @dataclass(frozen=True, eq=False)
-class Alignment:
+class Alignment(TensorRecord):
     """How well n hypotheses fit, and the normal equations of their next step."""
 
     cost: Float[Tensor, "n"]

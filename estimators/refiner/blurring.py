@@ -10,6 +10,8 @@ from torch import Tensor
 
 _LEAST_DEVIATION_BLOCKS = 0.3
 """Minimum, in blocks. A narrower Gaussian has no effect, but its matrix would be ill-defined."""
+_LEAST_WEIGHT = 1e-9
+"""Relative to the middle's. Smaller weights change no sum in single precision."""
 
 
 def blur(
@@ -65,5 +67,7 @@ def _block_means(maps: Float[Tensor, "*batch size size"], stride: int) -> Float[
 def _blur_matrix(size: int, deviation: float) -> Float[Tensor, "size size"]:
     positions = torch.arange(size, dtype=torch.float64)
     B = torch.exp(-0.5 * ((positions[:, None] - positions) / deviation) ** 2)
+    # Values far away would be denormal in single precision, with which products take many times as long.
+    B[B < _LEAST_WEIGHT] = 0.0
     # Rows in the middle sum to 1, those at the border to less, since pixels beyond it count as zero.
     return (B / B[size // 2].sum()).float()

@@ -1,6 +1,8 @@
-"""`LevelSearch`: renders and compares the hypotheses of one part at one level."""
+"""`LevelSearch`: renders and compares hypotheses at one level."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -10,8 +12,11 @@ from simpick.assets.part import Part
 from simpick.estimators.floor import Floor
 from simpick.estimators.refiner.alignment import Alignment, Target, align
 from simpick.estimators.refiner.config import AlignmentLevel, RefinerConfig
-from simpick.estimators.refiner.crop_renderer import CropRenderer
+from simpick.estimators.refiner.crop_renderer import CropRenderer, rows_by_part
 from simpick.estimators.refiner.query_maps import QueryMaps
+
+_AT_ONCE = 16
+"""Hypotheses that are compared at a time: their maps stay in the processor's cache."""
 
 
 class LevelSearch:
@@ -20,14 +25,14 @@ class LevelSearch:
     def __init__(
         self,
         renderer: CropRenderer,
-        part: Part,
+        parts: Sequence[Part],
         level: AlignmentLevel,
         query: QueryMaps,
         floor: Floor | None,
         config: RefinerConfig,
     ) -> None:
-        """Take the maps of each hypothesis's detection, one row per hypothesis."""
-        self._renderer, self._part, self._floor, self._config = renderer, part, floor, config
+        """Take the part of each hypothesis and the maps of its detection, one row per hypothesis."""
+        self._renderer, self._parts, self._floor, self._config = renderer, parts, floor, config
         self._cameras = query.cameras
         focal_px = torch.from_numpy(query.cameras.focal_px).float()
         with torch.inference_mode():
@@ -36,12 +41,18 @@ class LevelSearch:
 
     def evaluate(self, Ts_crop_part: Float[np.ndarray, "m 4 4"], rows: Int[np.ndarray, "m"]) -> Alignment:
         """Return how well these poses fit; `rows` says which hypotheses they belong to."""
-        cameras = self._cameras.rows(rows)
-        rendered = self._renderer.maps(self._part, cameras, Ts_crop_part)
+        parts, cameras = [self._parts[k] for k in rows.tolist()], self._cameras.rows(rows)
+        rendered = self._renderer.maps(parts, cameras, Ts_crop_part)
         centres = torch.from_numpy(Ts_crop_part[:, :2, 3] / Ts_crop_part[:, 2:3, 3]).float()
         with torch.inference_mode():
-            fit = align(self._target.rows(torch.from_numpy(rows)), rendered, centres, self._config)
+            target = self._target.rows(torch.from_numpy(rows))
+            chunks = np.split(np.arange(len(rows)), range(_AT_ONCE, len(rows), _AT_ONCE))
+            fit = Alignment.cat([align(target.rows(c), rendered.rows(c), centres[c], self._config) for c in chunks])
             if self._floor is None:
                 return fit
-            cost, H, g = self._floor.equations(self._part, Ts_crop_part, cameras.Rs_crop_camera)
-            return Alignment(fit.cost + cost, fit.misfit, fit.hessian + H, fit.gradient + g)
+            for part, own in rows_by_part(parts):
+                cost, H, g = self._floor.equations(part, Ts_crop_part[own], cameras.Rs_crop_camera[own])
+                fit.cost[own] += cost
+                fit.hessian[own] += H
+                fit.gradient[own] += g
+            return fit

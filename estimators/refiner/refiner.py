@@ -16,7 +16,7 @@ from simpick.estimators.floor import Floor
 from simpick.estimators.pose_selection import best_per_group, distinct_poses
 from simpick.estimators.refiner.confidence import Confidence, read_confidence
 from simpick.estimators.refiner.config import AlignmentLevel, RefinerConfig
-from simpick.estimators.refiner.crop_renderer import CropRenderer
+from simpick.estimators.refiner.crop_renderer import CropRenderer, rows_by_part
 from simpick.estimators.refiner.evidence import evidence
 from simpick.estimators.refiner.level_search import LevelSearch
 from simpick.estimators.refiner.levenberg_marquardt import minimise
@@ -27,6 +27,8 @@ from simpick.records import CameraFrame, Detection, PoseHypothesis
 from simpick.tensor_record import TensorRecord
 
 _LEAST_MASK_PX = 16
+_JUDGED_AT_ONCE = 8
+"""Poses whose evidence is measured at a time: their maps stay in the processor's cache."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,19 +105,20 @@ class Refiner(Closing):
         parts = [self._parts[detections[k].part] for k in rows]
         floor = Floor.below(frame, parts, [usable[k][0] for k in rows])
         queries = self._queries(frame, [masks[k] for k in rows], list(masks.values()))
-        # Part by part through all levels, so that no renderer is opened again at each level if there are many parts.
-        for name in dict.fromkeys(part.name for part in parts):
-            part = self._parts[name]
-            mine = [i for i, other in enumerate(parts) if other.name == name]
+        # As many parts together as renderers stay open, so that none is opened again at each level.
+        names = list(dict.fromkeys(part.name for part in parts))
+        for first in range(0, len(names), self.config.renderers):
+            group = names[first : first + self.config.renderers]
+            mine = [i for i, part in enumerate(parts) if part.name in group]
             start = _State.of(mine, [usable[rows[i]] for i in mine])
             if floor is not None:
-                start = start.at(floor.raised(part, start.Ts_camera_part))
+                start = start.at(_raised(floor, [parts[k] for k in start.detection], start.Ts_camera_part))
             state = start
             for level, query in zip(self.config.levels, queries, strict=True):
-                state = self._at_level(level, query, part, floor, state.best(level.keep))
-                state = self._distinct(part, state)
+                state = self._at_level(level, query, parts, floor, state.best(level.keep))
+                state = self._distinct(parts, state)
             state = _State.cat([start.best(1), state])
-            cues = self._cues(part, queries[-1], state)
+            cues = self._cues(parts, queries[-1], state)
             for i in mine:
                 own = np.flatnonzero(state.detection == i)
                 answers[rows[i]] = [Finalist(state.Ts_camera_part[j], cues[j]) for j in own]
@@ -143,24 +146,24 @@ class Refiner(Closing):
         ]
 
     def _at_level(
-        self, level: AlignmentLevel, query: QueryMaps, part: Part, floor: Floor | None, state: _State
+        self, level: AlignmentLevel, query: QueryMaps, parts: Sequence[Part], floor: Floor | None, state: _State
     ) -> _State:
-        """Refine all hypotheses of one part at one level."""
-        own = query.rows(state.detection)
+        """Refine all hypotheses at one level."""
+        own, their_parts = query.rows(state.detection), [parts[k] for k in state.detection]
         Ts_crop_camera = own.cameras.Ts_crop_camera
-        search = LevelSearch(self._renderer, part, level, own, floor, self.config)
+        search = LevelSearch(self._renderer, their_parts, level, own, floor, self.config)
         minimum = minimise(Ts_crop_camera @ state.Ts_ahead, search.evaluate, level.iterations)
         Ts_camera_crop = invert(Ts_crop_camera)
         return _State(
             state.detection, Ts_camera_crop @ minimum.Ts_crop_part, Ts_camera_crop @ minimum.Ts_ahead, minimum.misfit
         )
 
-    def _distinct(self, part: Part, state: _State) -> _State:
+    def _distinct(self, parts: Sequence[Part], state: _State) -> _State:
         """Return the hypotheses without those that converged to the pose of a better one of the same detection."""
         kept = []
         for k in np.unique(state.detection):
             own = np.flatnonzero(state.detection == k)
-            kept.append(own[self._distinct_rows(part, state.Ts_camera_part[own], -state.misfit[own])])
+            kept.append(own[self._distinct_rows(parts[k], state.Ts_camera_part[own], -state.misfit[own])])
         return state.rows(np.sort(np.concatenate(kept)))
 
     def _distinct_rows(
@@ -175,12 +178,13 @@ class Refiner(Closing):
             translation_diameters=self.config.merge_diameters,
         )
 
-    def _cues(self, part: Part, query: QueryMaps, state: _State) -> Float[np.ndarray, "n cues"]:
-        """Return the evidence for all poses of one part."""
-        own = query.rows(state.detection)
-        rendered = self._renderer.maps(part, own.cameras, own.cameras.Ts_crop_camera @ state.Ts_camera_part)
+    def _cues(self, parts: Sequence[Part], query: QueryMaps, state: _State) -> Float[np.ndarray, "n cues"]:
+        """Return the evidence for all poses."""
+        own, their_parts = query.rows(state.detection), [parts[k] for k in state.detection]
+        rendered = self._renderer.maps(their_parts, own.cameras, own.cameras.Ts_crop_camera @ state.Ts_camera_part)
         with torch.inference_mode():
-            return evidence(own, rendered).double().numpy()
+            chunks = np.split(np.arange(len(their_parts)), range(_JUDGED_AT_ONCE, len(their_parts), _JUDGED_AT_ONCE))
+            return torch.cat([evidence(own.rows(c), rendered.rows(c)) for c in chunks]).double().numpy()
 
     def _ranked(self, part: Part, finalists: Sequence[Finalist]) -> tuple[PoseHypothesis, ...]:
         """Return the distinct poses, the most probable first."""
@@ -191,7 +195,7 @@ class Refiner(Closing):
 
 @dataclass(frozen=True, eq=False)
 class _State(TensorRecord):
-    """The hypotheses of one part's detections between two levels."""
+    """The hypotheses of detections between two levels."""
 
     detection: Int[np.ndarray, "n"]
     """Row of the detection that each belongs to."""
@@ -215,6 +219,16 @@ class _State(TensorRecord):
     def best(self, count: int) -> _State:
         """Return the `count` best hypotheses of each detection, in their present order."""
         return self.rows(np.sort(best_per_group(self.detection, self.misfit, count)))
+
+
+def _raised(
+    floor: Floor, parts: Sequence[Part], Ts_camera_part: Float[np.ndarray, "n 4 4"]
+) -> Float[np.ndarray, "n 4 4"]:
+    """Return the poses of these parts, raised onto the floor."""
+    Ts = Ts_camera_part.copy()
+    for part, rows in rows_by_part(parts):
+        Ts[rows] = floor.raised(part, Ts[rows])
+    return Ts
 
 
 def _is_valid(T_camera_part: Float[np.ndarray, "4 4"]) -> bool:

@@ -8,12 +8,14 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from simpick.tensor_record import TensorRecord
+
 _SMOOTH = 0.25
 """Slopes on both sides of a pixel that differ by less than this fraction of their sum belong to a smooth surface."""
 
 
 @dataclass(frozen=True, eq=False)
-class RenderedMaps:
+class RenderedMaps(TensorRecord):
     """Maps of n hypotheses in their current poses."""
 
     silhouette: Float[Tensor, "n size size"]

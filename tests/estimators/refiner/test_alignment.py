@@ -82,6 +82,15 @@ def test_a_coarse_blur_lies_amid_its_block():
     assert float(coarse[0, 8, 5]) == pytest.approx(10.5, abs=1e-2)
 
 
+@pytest.mark.parametrize(("deviation_px", "stride"), [(2.5, 2), (1.5, 2), (1.2, 2), (1.0, 1)])
+def test_blurs_have_no_denormal_values_which_would_slow_all_that_follows(deviation_px: float, stride: int):
+    point = torch.zeros(1, 96, 96)
+    point[0, 48, 48] = 1.0
+    values = blur(point, deviation_px, stride)
+    assert values[values > 0].min() > torch.finfo(torch.float32).tiny
+    assert float(values.sum()) * stride**2 == pytest.approx(1.0, abs=1e-4)
+
+
 def test_blocks_and_gaussian_together_blur_as_the_gaussian_asked_for():
     maps = torch.zeros(1, 48, 48)
     maps[0, 20:30, 15:33] = 1.0
