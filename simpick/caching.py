@@ -9,7 +9,7 @@ import logging
 import os
 import uuid
 import zipfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -75,8 +75,10 @@ def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
             file.writestr(member, content.getvalue(), zipfile.ZIP_DEFLATED, _FAST)
 
 
-def read_arrays(path: Path) -> dict[str, np.ndarray]:
+def read_arrays(path: Path, names: Collection[str] | None = None) -> dict[str, np.ndarray]:
     """Return the arrays of a file by name; other members than ``.npy`` come as arrays of bytes (uint8).
+
+    With `names`, only those of them that the file holds are read.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -87,7 +89,9 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
         with zipfile.ZipFile(path) as file:
             if (size := sum(member.file_size for member in file.infolist())) > _MAX_BYTES:
                 raise ValueError(f"it states a size of {size} bytes")
-            return {name.removesuffix(_NPY): _array(name, file.read(name)) for name in file.namelist()}
+            members = {member.removesuffix(_NPY): member for member in file.namelist()}
+            wanted = members.keys() if names is None else members.keys() & set(names)
+            return {name: _array(member, file.read(member)) for name, member in members.items() if name in wanted}
     except FileNotFoundError:
         raise
     # zipfile and numpy fail by a dozen kinds of errors, depending on which byte is damaged.

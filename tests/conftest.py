@@ -47,7 +47,7 @@ SLOW = (
     "motion/test_trajectory.py",
     "policies/",
     "photos/test_estimate.py",
-    "photos/test_onboarding_file.py",
+    "photos/test_onboarding_f",
     "pose_eval/test_benchmark.py",
     "project/test_packaging.py",
     "project/test_public_api.py",

@@ -19,7 +19,7 @@ FUZZ = settings(
 
 
 @contextmanager
-def refusing(kind: type[Exception], *names: str) -> Iterator[None]:
+def refusing(kind: type[Exception] | tuple[type[Exception], ...], *names: str) -> Iterator[None]:
     """Allow errors of a kind whose text names one of the files; every other one fails the test."""
     try:
         yield

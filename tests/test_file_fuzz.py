@@ -11,8 +11,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from hypothesis import given
 from hypothesis import strategies as st
+from safetensors.torch import save_file
 
 from simpick.caching import read_arrays, write_arrays
 from simpick.config import from_json
@@ -25,6 +27,14 @@ from simpick.errors import (
     OutputError,
     SceneError,
 )
+from simpick.estimators.detector.checkpoints import (
+    FORMAT,
+    VERSION,
+    load_detector_checkpoint,
+    save_detector_checkpoint,
+)
+from simpick.estimators.detector.network import InstanceNetwork
+from simpick.estimators.detector.scores import MaskScore
 from simpick.estimators.raypose.checkpoints import load_checkpoint, save_checkpoint
 from simpick.experiments.result_store import read_results
 from simpick.photos.camera_files import read_calibration
@@ -32,7 +42,10 @@ from simpick.run_folder import RunFolder
 from simpick.scene import Scene, SceneConfig, build_scene
 from simpick.scene.archive import read_archive
 from simpick.training.curves import read_log
-from tests.damage import FUZZ, WILD, damaged_bytes, damaged_value, refusing
+from simpick.training.moving_average import moving_average
+from simpick.training.run_folder import TrainingFolder
+from simpick.training.state import TrainingState
+from tests.damage import FUZZ, WILD, damaged_bytes, damaged_value, refusing, restored
 from tests.estimators.raypose.networks import awake
 from tests.experiments.test_result_store import make_result
 
@@ -192,6 +205,78 @@ def test_checkpoints(weights_file: Path, tmp_path: Path, data: st.DataObject) ->
     file.write_bytes(data.draw(damaged_bytes(content[:end])) + content[end:])
     with refusing(CheckpointError, file.name):
         load_checkpoint(file)
+
+
+@pytest.fixture(scope="module")
+def detector_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("detector") / "detector.safetensors"
+    save_detector_checkpoint(file, InstanceNetwork(), MaskScore(), {"hours": 1.5})
+    return file
+
+
+@FUZZ
+@given(data=st.data())
+def test_detector_checkpoints(detector_file: Path, data: st.DataObject) -> None:
+    with restored(detector_file) as content:
+        end = 8 + int.from_bytes(content[:8], "little")
+        detector_file.write_bytes(data.draw(damaged_bytes(content[:end])) + content[end:])
+        with refusing(CheckpointError, detector_file.name):
+            score = load_detector_checkpoint(detector_file).score
+            assert np.isfinite([score.intercept, *score.weights]).all() and len(score.weights) == 4
+
+
+@FUZZ
+@given(score=damaged_value([-6.0, 4.0, -4.0, 4.0, 0.3]), card=WILD)
+def test_cards_of_detector_checkpoints(tmp_path: Path, score: Any, card: Any) -> None:
+    file = tmp_path / "detector.safetensors"
+    header = {"format": FORMAT, "version": VERSION, "score": json.dumps(score), "card": json.dumps(card)}
+    save_file({"foreign": torch.zeros(1)}, file, header)
+    with pytest.raises(CheckpointError, match=file.name) as refused:
+        load_detector_checkpoint(file)
+    # They are checked last: what complains of them has taken the card.
+    if "the weights in" in str(refused.value):
+        assert isinstance(card, dict) and len(score) == 5 and np.isfinite(np.array(score, float)).all()
+
+
+@pytest.fixture(scope="module")
+def training(tmp_path_factory: pytest.TempPathFactory) -> TrainingFolder:
+    run = TrainingFolder(tmp_path_factory.mktemp("training"), {})
+    run.save_state(small_state().save())
+    return run
+
+
+@FUZZ
+@given(data=st.data())
+def test_states_of_training(training: TrainingFolder, data: st.DataObject) -> None:
+    with restored(training.path / "state.pt") as whole:
+        (training.path / "state.pt").write_bytes(data.draw(damaged_bytes(whole)))
+        check_resume(training)
+
+
+@FUZZ
+@given(data=st.data())
+def test_edited_states_of_training(training: TrainingFolder, data: st.DataObject) -> None:
+    saved = small_state().save()
+    key = data.draw(st.sampled_from(sorted(saved)))
+    with restored(training.path / "state.pt"):
+        training.save_state(saved | {key: data.draw(WILD)} if data.draw(st.booleans()) else {key: saved[key]})
+        check_resume(training)
+
+
+def small_state() -> TrainingState[torch.nn.Linear]:
+    model = torch.nn.Linear(2, 2)
+    state = TrainingState(model, moving_average(model, 0.9), torch.optim.AdamW(model.parameters()), 3, 1.5)
+    state.descend(model(torch.ones(1, 2)).sum(), 1.0)
+    return state
+
+
+def check_resume(run: TrainingFolder) -> None:
+    state = small_state()
+    with refusing(ConfigError, str(run.path)):
+        saved = run.load_state()
+        assert saved is not None
+        run.restore(state, saved)
+        assert type(state.step) is int and state.step >= 0 and 0 <= state.seconds < math.inf
 
 
 @FUZZ

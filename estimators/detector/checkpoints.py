@@ -60,19 +60,27 @@ def load_detector_checkpoint(path: Path) -> DetectorCheckpoint:
         CheckpointError: the file is missing, damaged, of another network or version, or its weights do not fit.
     """
     header, tensors = read_weights(path, FORMAT, VERSION, "simpick's detector")
-    network = InstanceNetwork()
-    check_weights(path, tensors, network.state_dict(), "simpick's detector")
-    network.load_state_dict({name: t.float() if t.is_floating_point() else t for name, t in tensors.items()})
     try:
-        intercept, *weights = (float(value) for value in load_json(header["score"]))
-        if not np.isfinite([intercept, *weights]).all():
-            raise ValueError(f"the score's weights must be finite, got {[intercept, *weights]}")
-        card = load_json(header["card"])
+        score, card = _score(load_json(header["score"])), load_json(header["card"])
         if not isinstance(card, dict):
             raise ValueError("it must be an object")
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise CheckpointError(f"the card of {path} cannot be read ({error}); get the file again") from error
-    return DetectorCheckpoint(network.eval(), MaskScore(intercept, tuple(weights)), card)
+    network = InstanceNetwork()
+    check_weights(path, tensors, network.state_dict(), "simpick's detector")
+    network.load_state_dict({name: t.float() if t.is_floating_point() else t for name, t in tensors.items()})
+    return DetectorCheckpoint(network.eval(), score, card)
+
+
+def _score(values: Any) -> MaskScore:
+    """Return the score of these numbers, the intercept first; raises ValueError if they are others."""
+    count = 1 + len(MaskScore().weights)
+    if not isinstance(values, list) or len(values) != count or not {type(value) for value in values} <= {int, float}:
+        raise ValueError(f"the score must be {count} numbers, got {values!r}"[:200])
+    intercept, *weights = (float(value) for value in values)
+    if not np.isfinite([intercept, *weights]).all():
+        raise ValueError(f"the score's weights must be finite, got {[intercept, *weights]}")
+    return MaskScore(intercept, tuple(weights))
 
 
 def shipped_detector_checkpoint() -> Path:

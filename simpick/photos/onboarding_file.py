@@ -8,6 +8,7 @@ they are found under the same keys, provided that the versions of what made them
 from __future__ import annotations
 
 import json
+import math
 import shlex
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -20,6 +21,7 @@ import torch
 import trimesh
 
 from simpick.assets.part import Material, Part
+from simpick.bop.conventions import check_rigid
 from simpick.caching import atomic_write_bytes, cache_dir, files_used, read_arrays, write_arrays
 from simpick.errors import ArrayFileError, ConfigError
 from simpick.estimators.base import Detector, OnboardingDetector, PoseEstimator
@@ -131,18 +133,30 @@ def _part_from(arrays: dict[str, np.ndarray]) -> Part:
     rgb, specular, shininess, reflectance = fields["material"]
 
     def mesh(name: str) -> trimesh.Trimesh:
-        return trimesh.Trimesh(arrays[f"{name}/vertices"], arrays[f"{name}/faces"], process=False)
+        vertices, faces = arrays[f"{name}/vertices"], arrays[f"{name}/faces"]
+        if vertices.dtype.kind != "f" or faces.dtype.kind not in "iu":
+            raise ValueError(f"{name} has vertices of type {vertices.dtype} and faces of type {faces.dtype}")
+        return trimesh.Trimesh(vertices, faces, process=False)
+
+    # The part's hash does not include these.
+    name, metres = fields["name"], fields["metres_per_cad_unit"]
+    if not isinstance(name, str) or not 0 < metres < math.inf:
+        raise ValueError(f"a part needs a name and a unit, got {name!r} and {metres!r}"[:200])
+    T_cad_part = arrays["T_cad_part"]
+    if T_cad_part.shape != (4, 4) or T_cad_part.dtype.kind != "f" or not np.isfinite(T_cad_part).all():
+        raise ValueError(f"T_cad_part must be a finite 4 x 4 matrix, has shape {T_cad_part.shape}")
+    check_rigid(T_cad_part, name)
 
     axes = tuple(ContinuousSymmetry.of(row[:3], row[3:]) for row in arrays["axes"])
     return Part(
-        fields["name"],
+        name,
         mesh("mesh"),
         tuple(mesh(f"collision_{k}") for k in range(fields["pieces"])),
         SymmetryGroup(arrays["discrete"], axes),
         fields["density_kg_m3"],
         Material((rgb[0], rgb[1], rgb[2]), specular, shininess, reflectance),
-        arrays["T_cad_part"],
-        fields["metres_per_cad_unit"],
+        T_cad_part,
+        metres,
         arrays.get("face_rgb"),
     )
 

@@ -10,6 +10,7 @@ import torch
 
 from simpick.errors import ConfigError
 from simpick.run_folder import RunFolder
+from simpick.training.state import TrainingState
 
 
 class TrainingFolder(RunFolder):
@@ -40,6 +41,20 @@ class TrainingFolder(RunFolder):
             raise ConfigError(
                 f"{self._state} is damaged ({error}); delete it to start again, if you like with "
                 f"--start-from {self.weights.name}"
+            ) from error
+
+    def restore(self, state: TrainingState[Any], saved: dict[str, Any]) -> None:
+        """Continue from a state that `load_state` returned.
+
+        Raises:
+            ConfigError: it is of another network or version.
+        """
+        try:
+            state.load(saved)
+        except (KeyError, ValueError, RuntimeError, TypeError, AttributeError, IndexError, OverflowError) as error:
+            raise ConfigError(
+                f"the run in {self.path} is of another version of simpick and cannot be resumed; choose another folder,"
+                f" and start from {self.weights} with --start-from"
             ) from error
 
     def save_state(self, state: dict[str, Any]) -> None:

@@ -64,8 +64,11 @@ class TrainingState(Generic[Network]):
         }
 
     def load(self, saved: dict[str, Any]) -> None:
-        """Continue from a saved state; raises KeyError, ValueError or RuntimeError if it is of another network."""
+        """Continue from a saved state; raises KeyError, ValueError, RuntimeError or TypeError if it is none of this."""
+        step, seconds = saved["step"], saved["seconds"]
+        if type(step) is not int or not 0 <= step < 2**63 or not 0 <= float(seconds) < math.inf:
+            raise ValueError(f"a state needs a step and seconds of 0 or more, got {step!r} and {seconds!r}"[:200])
         self.model.load_state_dict(saved["model"])
         self.average.load_state_dict(saved["average"])
         self.optimizer.load_state_dict(saved["optimizer"])
-        self.step, self.seconds = saved["step"], saved["seconds"]
+        self.step, self.seconds = step, float(seconds)

@@ -70,13 +70,7 @@ def train(
     run = TrainingFolder(folder, {"network": network.to_json(), "training": config.to_json()}, processes.rank)
     state = _start(network, config, processes.device, start_from, dino_weights)
     if saved := run.load_state():
-        try:
-            state.load(saved)
-        except (KeyError, ValueError, RuntimeError) as error:
-            raise ConfigError(
-                f"the run in {folder} is of another version of simpick and cannot be resumed; choose another folder, "
-                f"and start from {run.weights} with --start-from"
-            ) from error
+        run.restore(state, saved)
     trainer = _Trainer(config, budget, resources, processes, run, state, on_row or (lambda row, progress: None))
     with processes:
         trainer.run()

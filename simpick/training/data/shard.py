@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -149,12 +150,14 @@ def _read_header(path: Path, content: bytes) -> dict[str, Any]:
 
 
 def _from_arrays(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> Shard:
-    c = header["template_camera"]
-    camera = Pinhole(int(c[0]), int(c[1]), *(float(value) for value in c[2:]))
+    part, diameter_m = header["part"], header["diameter_m"]
+    if not isinstance(part, str) or not 0 < float(diameter_m) < math.inf:
+        raise ValueError(f"it is of part {part!r} with a diameter of {diameter_m!r} m")
+    camera = Pinhole(*header["template_camera"])
     Ts_camera_part = arrays["template_Ts_camera_part"]
     depth_m = depth_from_steps(arrays["template_depth_steps"], Ts_camera_part, camera)
-    templates = TemplateSet(header["part"], camera, Ts_camera_part, arrays["template_rgb"], depth_m)
+    templates = TemplateSet(part, camera, Ts_camera_part, arrays["template_rgb"], depth_m)
     continuous = tuple(ContinuousSymmetry.of(row[:3], row[3:]) for row in arrays["symmetries_continuous"])
     query_arrays = {name: arrays[name] for name in _QUERY_ARRAYS}
     symmetries = SymmetryGroup(arrays["symmetries_discrete"], continuous)
-    return Shard(header["part"], float(header["diameter_m"]), symmetries, templates, **query_arrays)
+    return Shard(part, float(diameter_m), symmetries, templates, **query_arrays)

@@ -9,7 +9,7 @@ import cv2
 import mujoco
 import numpy as np
 
-from simpick.caching import atomic_write_bytes, cache_key
+from simpick.caching import atomic_write_bytes, cache_key, read_arrays
 from simpick.errors import DatasetError
 from simpick.training.data.data_config import Split
 from simpick.training.detector.bin_data import VERSION, BinDataConfig, BinImage, make_bin
@@ -42,11 +42,11 @@ def read_view(path: Path, view: int) -> BinImage:
         DatasetError: the file is missing or damaged.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
-            bgr = np.asarray(cv2.imdecode(file[f"rgb{view}"], cv2.IMREAD_COLOR), np.uint8)
-            ids = np.asarray(cv2.imdecode(file[f"ids{view}"], cv2.IMREAD_GRAYSCALE), np.uint8)
-            rgb = cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)
-            name = f"fractions{view}"
-            return BinImage(np.asarray(rgb, np.uint8), ids, file.get(name))
+        names = [f"{kind}{view}" for kind in ("rgb", "ids", "fractions")]
+        file = read_arrays(path, names)
+        bgr = np.asarray(cv2.imdecode(file[names[0]], cv2.IMREAD_COLOR), np.uint8)
+        ids = np.asarray(cv2.imdecode(file[names[1]], cv2.IMREAD_GRAYSCALE), np.uint8)
+        rgb = cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)
+        return BinImage(np.asarray(rgb, np.uint8), ids, file.get(names[2]))
     except Exception as error:
         raise DatasetError(f"{path} is missing or damaged ({error}); delete it, and it is made again") from error

@@ -64,7 +64,7 @@ def train_detector(
     saved = run.load_state()
     state = _start(config, device, *((None, None) if saved else (imagenet_weights, start_from)))
     if saved:
-        state.load(saved)
+        run.restore(state, saved)
     _Trainer(config, budget, resources, device, run, state, on_row or (lambda row, progress: None)).run()
     return run.weights
 
