@@ -13,9 +13,9 @@ import threading
 import time
 import traceback
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Future
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from multiprocessing.reduction import ForkingPickler
@@ -24,11 +24,10 @@ from typing import Any, TypeVar
 from simpick.closing import Closing
 from simpick.config import Config, PositiveFloat, PositiveInt
 from simpick.errors import ConfigError, SimpickError
+from simpick.threads import limited_threads, usable_cores
 
 _GRACE_S = 5.0
 """Time between the request to terminate and the kill."""
-# Read when numerical libraries and software OpenGL are loaded.
-_THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "LP_NUM_THREADS")
 
 _Result = TypeVar("_Result")
 
@@ -92,7 +91,7 @@ class WorkerPool(Closing):
         if workers < 1:
             raise ConfigError(f"workers must be 1 or more, got {workers}")
         self._limits = limits or WorkerLimits()
-        self._threads = threads or max(1, (os.cpu_count() or 1) // workers)
+        self._threads = threads or max(1, usable_cores() // workers)
         self._starting = threading.Lock() if staggered else nullcontext()
         # Guards everything below.
         self._changed = threading.Condition()
@@ -235,7 +234,7 @@ class _Process:
         context = multiprocessing.get_context("spawn")
         self._connection, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs,), daemon=True)
-        with _thread_limit(threads):
+        with limited_threads(threads):
             self._process.start()
         # Only the process holds its end now, so that its death closes the connection.
         theirs.close()
@@ -267,18 +266,6 @@ class _Process:
         self.kill()
         self._process.join()
         self._connection.close()
-
-
-@contextmanager
-def _thread_limit(threads: int) -> Iterator[None]:
-    """Limit the threads of processes that start in this context, where the environment sets no number."""
-    added = {name: str(threads) for name in _THREAD_VARIABLES if name not in os.environ}
-    os.environ.update(added)
-    try:
-        yield
-    finally:
-        for name in added:
-            del os.environ[name]
 
 
 def _serve(connection: Connection) -> None:

@@ -41,6 +41,7 @@ class Compare:
             f"comparing {', '.join(self.config.modes)} on {counted(self.config.episodes, 'bin')}: {self.out}"
         )
         from simpick.cli.parts import describe_files
+        from simpick.core_time import disturbance_lines
         from simpick.errors import OutputError, SimpickError
         from simpick.experiments.comparison import Comparison
         from simpick.experiments.report.html import write_report
@@ -76,6 +77,8 @@ class Compare:
             console.print(table)
         by_mode = {mode: [r for r in comparison.results if r.mode == mode] for mode in comparison.modes}
         for line in no_attempts_lines(by_mode):
+            console.print_line(line)
+        for line in disturbance_lines(comparison.core_times()):
             console.print_line(line)
         with working("writing the report", console):
             report = write_report(comparison)

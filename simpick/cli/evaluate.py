@@ -242,6 +242,7 @@ class Evaluate(Config):
 
     @staticmethod
     def _print(console: Console, evaluation: PoseEvaluation, title: str) -> None:
+        from simpick.core_time import disturbance_lines
         from simpick.pose_eval.tables import recall_table, visibility_table
 
         console.print(recall_table(evaluation, title))
@@ -250,3 +251,5 @@ class Evaluate(Config):
             f"{evaluation.images} images, {evaluation.detections} detections, "
             f"{evaluation.ms_per_detection:.1f} ms per detection"
         )
+        for line in disturbance_lines({"estimates": evaluation.core_time}):
+            console.print_line(line)

@@ -23,6 +23,7 @@ from typing import Protocol, runtime_checkable
 
 from simpick import __version__
 from simpick.errors import SimpickError, UnknownNameError
+from simpick.threads import configure_threads
 
 DESCRIPTION = "A wind tunnel for robotic bin picking: will this part be picked from RGB, how fast, and why not?"
 COMMANDS = {
@@ -83,8 +84,7 @@ class Command(Protocol):
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code; errors that simpick raises on purpose print without a traceback."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    # Read when torch loads: threads of OpenMP that spin while they wait lose their cores to busy neighbours.
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+    configure_threads()
     try:
         if arguments == ["--version"]:
             print(f"simpick {__version__}")

@@ -66,6 +66,7 @@ class PoseBenchmark(Config):
         import time
 
         from simpick.assets.library import get_part
+        from simpick.core_time import disturbance_lines
         from simpick.estimators.detections import detector_data, is_file
         from simpick.estimators.registry import PoseBudget
         from simpick.pose_eval.benchmark_bins import benchmark_bins
@@ -121,6 +122,8 @@ class PoseBenchmark(Config):
             for table in (benchmark_table(result), *visibility_tables(result), best_of_table(result)):
                 if table is not None:
                     console.print(table)
+            for line in disturbance_lines({name: e.core_time for name, e in result.evaluations.items()}):
+                console.print_line(line)
             if line := onboarding_line(result):
                 console.print(line)
             at_once = f", {self.workers} bins at once" if self.workers > 1 else ""

@@ -36,6 +36,7 @@ class Run:
         console = Console()
         console.print_line(f"picking {counted(self.config.episodes, 'bin')} with {self.config.mode}: {self.out}")
         from simpick.cli.parts import describe_files
+        from simpick.core_time import disturbance_lines
         from simpick.experiments.comparison import Comparison
         from simpick.experiments.report.tables import no_attempts_lines, scores_table
 
@@ -46,6 +47,8 @@ class Run:
         run.run(self.execution, console)
         console.print(scores_table(self.config, run.results))
         for line in no_attempts_lines({self.config.mode: run.results}):
+            console.print_line(line)
+        for line in disturbance_lines(run.core_times()):
             console.print_line(line)
         console.print_line(f"results: {self.out / 'results.jsonl'}")
         if self.execution.record:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from simpick.core_time import CoreTime, total
 from simpick.experiments.analysis.failure_causes import Failure, find_failures
 from simpick.experiments.analysis.paired import PairedStatistics, compare_modes, paired_bins
 from simpick.experiments.config import CompareConfig, Execution, RunConfig
@@ -75,6 +76,10 @@ class Comparison:
         """Return each mode's failures in the paired bins, compared with the oracle's picks if it takes part."""
         paired = self.paired()
         return {mode: find_failures(paired[mode], paired.get(ORACLE, [])) for mode in self.modes}
+
+    def core_times(self) -> dict[str, CoreTime]:
+        """Return by mode how long threads ran and waited for a core in the finished episodes."""
+        return {mode: total(r.core_time for r in self.results if r.mode == mode) for mode in self.modes}
 
     def recording(self, result: EpisodeResult) -> Path | None:
         """Return the recording of an episode; None if it was run without."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from simpick.assets import library_part_names
 from simpick.assets.part import Part
+from simpick.core_time import measured_core_time
 from simpick.envs.bin_pick import BinPickEnv
 from simpick.envs.observations import frame_from_observation
 from simpick.experiments.config import CellConfig, RunConfig
@@ -149,11 +150,13 @@ def run_episode(
     picks: list[PickRecord] = []
     ended = "cleared" if info["is_success"] else ""
     try:
-        while not ended:
-            pick, observation, ended = _pick(env, policy, observation, len(picks), recorder)
-            picks.append(pick)
-            if on_pick is not None:
-                on_pick(pick)
+        with measured_core_time() as core_time:
+            while not ended:
+                pick, observation, ended = _pick(env, policy, observation, len(picks), recorder)
+                picks.append(pick)
+                if on_pick is not None:
+                    on_pick(pick)
+        timings_s |= {"threads_run": core_time().run_s, "threads_wait": core_time().wait_s}
     finally:
         env.on_tick = env.on_stage = env.on_look = None
     instances = tuple(instance.part.name for instance in env.scene.instances)

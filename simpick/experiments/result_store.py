@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from simpick.config import from_json
+from simpick.core_time import CoreTime
 from simpick.errors import OutputError
 from simpick.experiments.provenance_changes import changes
 from simpick.json_text import is_json, load_json
@@ -30,7 +31,8 @@ class EpisodeResult:
     ended: str
     """Why the episode ended: ``cleared``, ``consecutive_failures``, ``max_picks`` or ``simulation_fault``."""
     timings_s: dict[str, float] = dataclasses.field(default_factory=dict)
-    """Wall-clock seconds of the whole episode (``wall``) and of making the scene (``reset``)."""
+    """Wall-clock seconds of the whole episode (``wall``) and of making the scene (``reset``); and the `CoreTime` of its
+    process: ``threads_run`` and ``threads_wait``."""
     mode: str = ""
     """Full name of the perception mode that picked, such as ``retrieval@8``; see `RunConfig.mode`."""
 
@@ -38,6 +40,11 @@ class EpisodeResult:
     def key(self) -> tuple[int, str]:
         """Return what identifies this result in its folder: bin and perception mode."""
         return self.episode, self.mode
+
+    @property
+    def core_time(self) -> CoreTime:
+        """Return how long the threads of the episode's process ran and waited for a core."""
+        return CoreTime(self.timings_s.get("threads_run", 0.0), self.timings_s.get("threads_wait", 0.0))
 
     @property
     def delivered(self) -> int:

@@ -30,6 +30,7 @@ _ROWS = (
     "AR MSSD, %",
     "AR MSPD, %",
     "ms per detection",
+    "waiting for a core, %",
 )
 
 
@@ -47,8 +48,11 @@ def benchmark_table(result: PoseBenchmarkResult) -> Table:
     """Return one column per detection preset: counts, errors, recalls (misses count as wrong), AR and time."""
     columns = []
     for evaluation in result.evaluations.values():
-        s, time = evaluation.summary, f"{evaluation.ms_per_detection:.1f}"
-        columns.append((f"{s.count}", f"{s.answered}", *error_cells(s), *recall_cells(evaluation.scores.overall), time))
+        s, waiting = evaluation.summary, f"{100 * evaluation.core_time.waiting:.0f}"
+        times = f"{evaluation.ms_per_detection:.1f}", waiting
+        columns.append(
+            (f"{s.count}", f"{s.answered}", *error_cells(s), *recall_cells(evaluation.scores.overall), *times)
+        )
     rows = zip(_ROWS, *columns, strict=True)
     return narrow_table("detections", *result.evaluations, title=title(result), rows=rows)
 
@@ -115,6 +119,7 @@ def to_json(result: PoseBenchmarkResult) -> dict[str, Any]:
                 **_figures(evaluation),
                 "detections": evaluation.detections,
                 "ms_per_detection": evaluation.ms_per_detection,
+                "waiting_for_a_core": evaluation.core_time.waiting,
                 "by_visibility": {band: dataclasses.asdict(s) for band, s in evaluation.by_visibility.items()},
                 "by_bin": [dataclasses.asdict(figures) for figures in result.by_bin[preset]],
                 "by_part": {

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from simpick.closing import Closing
+from simpick.core_time import CoreTime, total
 from simpick.errors import ConfigError
 from simpick.metrics.matching import greedy_matches, top_estimates, valid_truths
 from simpick.metrics.pose_errors import batch_pose_errors, mssd, pose_error
@@ -45,6 +46,8 @@ class ImageErrors:
     detections: int
     estimation_s: float
     """Wall-clock time of the image's estimates."""
+    core_time: CoreTime
+    """Meanwhile."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +63,8 @@ class PoseEvaluation:
     detections: int
     estimation_s: float
     """Wall-clock time of all estimates."""
+    core_time: CoreTime
+    """Meanwhile; says whether other programs disturbed the times."""
 
     @staticmethod
     def of(images: Sequence[ImageErrors]) -> PoseEvaluation:
@@ -74,6 +79,7 @@ class PoseEvaluation:
             len(images),
             sum(image.detections for image in images),
             sum(image.estimation_s for image in images),
+            total(image.core_time for image in images),
         )
 
     @property
@@ -112,6 +118,7 @@ class PoseEvaluator(Closing):
             tuple(error for target in targets for error in _instance_errors(target)),
             len(image.detections),
             answer.estimation_s,
+            answer.core_time,
         )
 
     def instance_errors(self, image: PoseImage, estimates: Sequence[PoseEstimate]) -> tuple[InstanceError, ...]:

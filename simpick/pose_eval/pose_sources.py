@@ -5,9 +5,10 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from simpick.assets.part import Part
+from simpick.core_time import CoreTime, measured_core_time
 from simpick.errors import ConfigError
 from simpick.estimators.base import PoseEstimator
 from simpick.estimators.boundary import onboard_part, validated_estimates
@@ -25,6 +26,8 @@ class Answer:
     estimates: Sequence[PoseEstimate]
     estimation_s: float
     """Wall-clock time of all estimates, without preparation."""
+    core_time: CoreTime = field(default_factory=CoreTime)
+    """Meanwhile."""
 
 
 class PoseSource(ABC):
@@ -48,8 +51,9 @@ def answers(images: Iterable[PoseImage], source: PoseSource) -> Iterator[Answer]
     for image in images:
         source.prepare(image)
         start = time.perf_counter()
-        estimates = source.estimate(image)
-        yield Answer(image, estimates, time.perf_counter() - start)
+        with measured_core_time() as core_time:
+            estimates = source.estimate(image)
+        yield Answer(image, estimates, time.perf_counter() - start, core_time())
 
 
 class EstimatorSource(PoseSource):

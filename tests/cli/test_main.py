@@ -1,6 +1,5 @@
 """The command line as a whole: help, names, versions, errors."""
 
-import os
 import re
 import subprocess
 import sys
@@ -133,10 +132,7 @@ def test_a_command_replaces_an_image_only_with_overwrite(command: str, tmp_path,
     assert "out must be a .png file, got " in capsys.readouterr().err
 
 
-def test_waiting_threads_sleep_unless_the_user_says_otherwise(monkeypatch) -> None:
-    # Set first, so that what the command sets is undone.
-    monkeypatch.setenv("OMP_WAIT_POLICY", "")
-    monkeypatch.delenv("OMP_WAIT_POLICY")
-    assert main(["--version"]) == 0 and os.environ["OMP_WAIT_POLICY"] == "PASSIVE"
-    monkeypatch.setenv("OMP_WAIT_POLICY", "ACTIVE")
-    assert main(["--version"]) == 0 and os.environ["OMP_WAIT_POLICY"] == "ACTIVE"
+def test_every_command_configures_threads_first(monkeypatch) -> None:
+    called = []
+    monkeypatch.setattr("simpick.cli.main.configure_threads", lambda: called.append(True))
+    assert main(["--version"]) == 0 and called == [True]

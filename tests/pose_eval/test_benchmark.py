@@ -231,6 +231,7 @@ def test_the_command_writes_the_figures_that_several_processes_find_too(tmp_path
     for figures in (written, here):
         for preset in figures["detections"].values():
             preset.pop("ms_per_detection")
+            assert 0 <= preset.pop("waiting_for_a_core") <= 1
     assert written == here
     assert written["whole"] is False and written["detections"]["perfect"]["ar"] == 1
     text = " ".join(capsys.readouterr().out.split())

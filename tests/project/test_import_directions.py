@@ -19,6 +19,8 @@ ROOMS = (
     "folder_lock",
     "run_folder",
     "tensor_record",
+    "threads",
+    "core_time",
     "workers",
     "terminal",
     "plotting",

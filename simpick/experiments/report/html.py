@@ -13,6 +13,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from simpick.core_time import disturbance_lines
 from simpick.experiments.analysis.error_tolerance import success_by_pose
 from simpick.experiments.analysis.failure_causes import count_causes
 from simpick.experiments.analysis.grasp_scores import PERCEPTION_STAGES
@@ -55,6 +56,7 @@ def report_html(comparison: Comparison, plots: dict[str, str]) -> str:
     return environment.get_template("report_template.html").render(
         config=comparison.config,
         source=source_line(comparison.config.detections, comparison.modes),
+        disturbances=disturbance_lines(comparison.core_times()),
         modes=comparison.modes,
         colours=mode_colours(comparison.modes),
         # Only what matplotlib drew is not escaped; it escapes texts itself.
