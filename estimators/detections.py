@@ -50,7 +50,13 @@ def _detector_weights() -> Path:
     return shipped_detector_checkpoint()
 
 
-SHIPPED: dict[str, DetectorSpec] = {"learned": DetectorSpec(_learned, files=(_detector_weights,))}
+def _pose_weights() -> Path:
+    from simpick.estimators.raypose.checkpoints import shipped_checkpoint
+
+    return shipped_checkpoint()
+
+
+SHIPPED: dict[str, DetectorSpec] = {"learned": DetectorSpec(_learned, files=(_detector_weights, _pose_weights))}
 """The detectors that ship with simpick and work from images alone, by name."""
 
 

@@ -21,7 +21,7 @@ _LOG_ODDS_PER_SIMILARITY = 30.0
 _ROUNDS = 2
 # Of CIELAB's lightness, a and b: shading changes lightness most.
 _WEIGHTS = np.array([0.4, 1.0, 1.0])
-_LEAST_DEVIATION = 3.0
+_LEAST_DEVIATION = 5.0
 _FLOOR = 0.02
 """Agreement of colours that have nothing in common."""
 _SURE, _FEWEST = 0.6, 3

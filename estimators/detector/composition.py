@@ -70,6 +70,8 @@ _CONCENTRATIONS = (0.1, 0.3, 1.0, 3.0, 10.0)
 _ROUNDS = 12
 _EVIDENCE = 1.5
 """Weight of the evidence beside the similarity."""
+_BESIDE_VIEWS = 0.6
+"""Weight of the similarity beside the odds from views: the two are not independent."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +89,7 @@ class JudgedInstances:
 def judge_instances(
     similarity: Float[np.ndarray, "instances parts"],
     evidence: Float[np.ndarray, "instances parts"],
+    view_odds: Float[np.ndarray, "instances parts"] | None,
     exposure: Float[np.ndarray, "instances"],
     mask_scores: Float[np.ndarray, "instances"],
     *,
@@ -94,13 +97,16 @@ def judge_instances(
 ) -> JudgedInstances:
     """Return what the instances of one image probably are; there must be at least one.
 
-    `evidence` adds to the similarities where parts are compared with one another. `mask_scores` are the probabilities
-    that the masks are right. Similarities are lower where the distance is known.
+    Where parts are compared with one another, `evidence` adds to the similarities, and `view_odds` are logarithms of
+    odds from another source, if there is one. `mask_scores` are the probabilities that the masks are right.
+    Similarities are lower where the distance is known.
     """
     fit = _KNOWN_DISTANCE if is_distance_known else _FREE_DISTANCE
     exposed, candidates = exposure**2, similarity.shape[1]
-    total = similarity + _EVIDENCE * evidence
-    first = np.take_along_axis(similarity, total.argmax(axis=1)[:, None], axis=1)[:, 0]
+    sharpness = fit.names[0] + fit.names[1] * exposed
+    log_odds = sharpness[:, None] * ((1 if view_odds is None else _BESIDE_VIEWS) * similarity + _EVIDENCE * evidence)
+    log_odds += 0 if view_odds is None else view_odds
+    first = np.take_along_axis(similarity, log_odds.argmax(axis=1)[:, None], axis=1)[:, 0]
     is_right = np.clip(mask_scores, 0.01, 0.99)
 
     asked = is_right[:, None] * _density(first, exposed, candidates, fit.asked)
@@ -113,7 +119,7 @@ def judge_instances(
     weights = np.exp(log_weights - logsumexp(log_weights))
     is_asked = (weights * of_asked / of_all).sum(axis=(1, 2, 3))
 
-    names = _names((fit.names[0] + fit.names[1] * exposed)[:, None] * total, is_asked)
+    names = _names(log_odds, is_asked)
     return JudgedInstances(is_asked * names.max(axis=1), names.argmax(axis=1), float(1 - weights[0].sum()))
 
 

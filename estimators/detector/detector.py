@@ -18,6 +18,7 @@ from simpick.estimators.detector.composition import judge_instances
 from simpick.estimators.detector.naming import PartNaming
 from simpick.estimators.detector.scores import exposure
 from simpick.estimators.detector.segmenter import InstanceSegmenter
+from simpick.estimators.detector.view_naming import ViewNaming
 from simpick.geometry import box_of_mask
 from simpick.records import CameraFrame, Detection
 
@@ -36,6 +37,8 @@ class LearnedDetectorConfig(Config):
     """An image that shows any of the parts with a lower probability gives no detections."""
     colours: bool = True
     """Whether the colours of the CAD help to name instances, as far as they agree with the image."""
+    views: bool = True
+    """Whether the pose network's embeddings of views help to name instances."""
 
 
 class LearnedDetector:
@@ -54,13 +57,16 @@ class LearnedDetector:
         checkpoint = load_detector_checkpoint(weights or shipped_detector_checkpoint())
         self.segmenter = InstanceSegmenter(checkpoint.network, checkpoint.score)
         self.naming = PartNaming()
-        self._checked: set[frozenset[str]] = set()
+        self.view_naming = ViewNaming() if self.config.views else None
+        self._checked: set[frozenset[tuple[str, str]]] = set()
         self._seen: tuple[np.ndarray, np.ndarray] | None = None
         """The last image and its foreground, so that asking for both runs the network once."""
 
     def onboard(self, part: Part) -> None:
         """Prepare the part's templates, or take them from the cache; `detect` does it for parts that are new."""
         self.naming.onboard(part)
+        if self.view_naming is not None:
+            self.view_naming.onboard(part)
 
     def detect(self, frame: CameraFrame, parts: Sequence[Part]) -> list[Detection]:
         """Return detections of these parts, the most probable first; none for what is none of the parts.
@@ -87,12 +93,20 @@ class LearnedDetector:
             return []
         named = self.naming.compare(frame, found.masks, parts)
         similarity = named.similarity
-        evidence = np.zeros(similarity.shape)
+        evidence, view_odds = np.zeros(similarity.shape), None
+        # Both only compare parts with one another.
         if self.config.colours and len(parts) > 1:
             colours = instance_colours(frame.rgb, found.masks)
             evidence = colour_evidence(similarity, found.scores, colours, cad_colours(parts))
+        if self.view_naming is not None and len(parts) > 1:
+            view_odds = self.view_naming.compare(frame, found.masks, parts)
         judged = judge_instances(
-            similarity, evidence, exposure(found.masks), found.scores, is_distance_known=named.is_distance_known
+            similarity,
+            evidence,
+            view_odds,
+            exposure(found.masks),
+            found.scores,
+            is_distance_known=named.is_distance_known,
         )
         if judged.presence < self.config.min_presence:
             return []
@@ -114,7 +128,7 @@ class LearnedDetector:
         return self._seen[1]
 
     def _warn_of_alike(self, parts: Sequence[Part]) -> None:
-        key = frozenset(part.content_hash for part in parts)
+        key = frozenset((part.name, part.content_hash) for part in parts)
         if key in self._checked:
             return
         self._checked.add(key)

@@ -7,12 +7,21 @@ from simpick.estimators.detector.composition import JudgedInstances, judge_insta
 
 
 def judged(
-    similarity: list[list[float]], *, exposure: float = 0.5, masks: float = 0.9, bonus: list[list[float]] | None = None
+    similarity: list[list[float]],
+    *,
+    exposure: float = 0.5,
+    masks: float = 0.9,
+    bonus: list[list[float]] | None = None,
+    view_odds: list[list[float]] | None = None,
 ) -> JudgedInstances:
-    count = len(similarity)
-    evidence = np.zeros((count, len(similarity[0]))) if bonus is None else np.array(bonus)
+    nothing = np.zeros((len(similarity), len(similarity[0])))
     return judge_instances(
-        np.array(similarity), evidence, np.full(count, exposure), np.full(count, masks), is_distance_known=True
+        np.array(similarity),
+        nothing if bonus is None else np.array(bonus),
+        None if view_odds is None else np.array(view_odds),
+        np.full(len(similarity), exposure),
+        np.full(len(similarity), masks),
+        is_distance_known=True,
     )
 
 
@@ -48,6 +57,14 @@ def test_evidence_decides_between_parts_but_not_whether_it_is_one_of_them() -> N
     assert decided.part.tolist() == [1, 1] and without.part.tolist() == [0, 1]
     assert (decided.probability > without.probability).all()
     assert decided.presence == pytest.approx(without.presence, abs=0.05)
+
+
+def test_views_decide_between_parts_by_their_differences_alone() -> None:
+    rivals = [[0.85, 0.84], [0.84, 0.85]]
+    decided = judged(rivals, view_odds=[[-3.0, 2.0], [-3.0, 2.0]])
+    assert decided.part.tolist() == [1, 1]
+    shifted = judged(rivals, view_odds=[[7.0, 12.0], [7.0, 12.0]])
+    np.testing.assert_allclose(shifted.probability, decided.probability)
 
 
 def test_an_improbable_mask_is_an_improbable_detection() -> None:

@@ -177,6 +177,19 @@ def test_colours_can_be_left_out(seen_bin: SeenBin, monkeypatch: pytest.MonkeyPa
     assert is_same(LearnedDetector().detect(seen_bin.frame, seen_bin.parts), shapes) and len(asked) == 1
 
 
+def test_views_are_compared_only_where_there_are_several_parts(
+    detector: LearnedDetector, seen_bin: SeenBin, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(detector, "view_naming", None)
+    without = detector.detect(seen_bin.frame, seen_bin.parts)
+    assert not is_same(without, LearnedDetector().detect(seen_bin.frame, seen_bin.parts))
+    alone = seen_bin.parts[:1]
+    assert is_same(detector.detect(seen_bin.frame, alone), LearnedDetector().detect(seen_bin.frame, alone))
+    assert is_same(
+        LearnedDetector(config=LearnedDetectorConfig(views=False)).detect(seen_bin.frame, seen_bin.parts), without
+    )
+
+
 def test_an_image_of_another_size_than_its_camera_is_refused(detector: LearnedDetector, seen_bin: SeenBin) -> None:
     frame = seen_bin.frame
     small = CameraFrame(np.ascontiguousarray(frame.rgb[::2, ::2]), frame.camera, frame.T_world_camera)
