@@ -7,13 +7,14 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 PYTEST := $(BIN)/python -m pytest -n 2
 
-.PHONY: help demo test quick fuzz coverage lint docs doctor install clean
+.PHONY: help demo test quick fuzz mutants coverage lint docs doctor install clean
 .DEFAULT_GOAL := help
 help:
 	@echo "make demo      run the main job: a bin of parts is filled, seen, emptied by four modes and recorded in logs/demo"
 	@echo "make test      run all tests"
 	@echo "make quick     run the tests that take no process, episode or training of their own: under a minute"
 	@echo "make fuzz      run the tests of damaged files with 5000 examples each instead of 100"
+	@echo "make mutants   change the code of the rooms that matter most, one place at a time, and list what no test notices: hours"
 	@echo "make coverage  run all tests and report the lines that none of them executes"
 	@echo "make lint      run ruff and pyright"
 	@echo "make docs      build the documentation in site/"
@@ -45,6 +46,12 @@ quick: $(READY)
 
 fuzz: $(READY)
 	$(PYTEST) -k fuzz --hypothesis-profile=fuzz
+
+# In a copy whose links are folders: mutmut writes its mutants beside the code, and does not follow links.
+mutants: $(READY)
+	@$(BIN)/python -m pip install --quiet --constraint .ci/constraints.txt --editable '.[mutants]'
+	@mkdir -p build/mutants && cp -RL --update simpick tests pyproject.toml build/mutants/
+	cd build/mutants && OMP_NUM_THREADS=1 $(CURDIR)/$(BIN)/mutmut run $(MUTANTS); $(CURDIR)/$(BIN)/mutmut results
 
 coverage: $(READY)
 	$(PYTEST) --cov --cov-report=term:skip-covered

@@ -80,3 +80,28 @@ def test_numbers_that_are_not_finite_are_refused(value: float) -> None:
 
 def test_numbers_beyond_one_are_cut_off() -> None:
     np.testing.assert_array_equal(finite_values([7, -7.0, 0.5], 3), [1.0, -1.0, 0.5])
+
+
+@pytest.mark.parametrize("corner", [WORKSPACE.lower_m, WORKSPACE.upper_m])
+def test_the_workspace_ends_at_its_corners(corner: np.ndarray) -> None:
+    action = encode_action(transform(translation=np.array(corner)), 0.05, WORKSPACE)
+    np.testing.assert_allclose(np.abs(action[:3]), 1.0)
+    outside = np.array(corner) + 1e-3 * np.sign(np.array(corner) - WORKSPACE.centre_m)
+    with pytest.raises(ConfigError, match="must lie in the workspace"):
+        encode_action(transform(translation=outside), 0.05, WORKSPACE)
+
+
+def test_openings_beyond_the_grippers_are_cut_off() -> None:
+    T = transform(translation=WORKSPACE.centre_m)
+    assert encode_action(T, 0.2, WORKSPACE, 0.085)[9] == 1.0
+    assert encode_action(T, -0.01, WORKSPACE, 0.085)[9] == -1.0
+    assert encode_action(T, 0.0, WORKSPACE, 0.0)[9] == -1.0, "a gripper without an opening"
+
+
+def test_parallel_columns_keep_the_first_axis() -> None:
+    x = np.array([0.0, 0.6, 0.8])
+    for columns in ([*x, *(-0.5 * x)], [*x, 0, 0, 0], [0, 0, 0, *x]):
+        decoded = decode_action(np.array([0, 0, 0, *columns, 0.0]), WORKSPACE)
+        assert decoded is not None
+        np.testing.assert_allclose(decoded[0][:3, 0], x, atol=1e-6)
+        np.testing.assert_allclose(decoded[0][:3, 1], [1, 0, 0], atol=1e-6)

@@ -60,3 +60,12 @@ def test_a_failure_knows_whether_the_oracle_delivered_that_part() -> None:
     oracle = make_result(0, make_pick(0, target=1))
     assert [f.oracle_delivered for f in find_failures([failed], [oracle])] == [True, False]
     assert [f.oracle_delivered for f in find_failures([failed], [make_result(7)])] == [None, None]
+
+
+def test_all_parts_delivered_so_far_are_compared_with_the_oracles() -> None:
+    picks = [make_pick(0), make_pick(1), make_pick(2, PickOutcome.NO_GRASP)]
+    picks = [dataclasses.replace(p, delivered=(p.pick,) if p.pick < 2 else ()) for p in picks]
+    result = dataclasses.replace(make_result(), picks=tuple(picks))
+    oracle = dataclasses.replace(result, picks=tuple(picks[:2]))
+    (failure,) = find_failures([result], [oracle])
+    assert failure.cause is FailureCause.GRASP, "the oracle delivered two as well"

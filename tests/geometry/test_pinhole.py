@@ -73,3 +73,18 @@ def test_a_skewed_K_is_refused() -> None:
 def test_impossible_field_of_view_is_refused() -> None:
     with pytest.raises(ConfigError, match="fovy must be between 0 and 180 degrees, got 180"):
         Pinhole.from_fovy(640, 480, 180.0)
+
+
+@pytest.mark.parametrize("entry", [(0, 1), (1, 0), (2, 0), (2, 1), (2, 2)])
+def test_other_matrices_than_a_pinholes_are_refused(entry: tuple[int, int]) -> None:
+    K = np.array([[600.0, 0, 320], [0, 600, 240], [0, 0, 1]])
+    K[entry] += 1e-6
+    with pytest.raises(ConfigError, match=r"K must be \[\[fx, 0, cx\]"):
+        Pinhole.from_K(640, 480, K)
+
+
+@pytest.mark.parametrize("fovy_deg", [0.0, -1.0, 180.0])
+def test_a_field_of_view_is_between_0_and_180_degrees(fovy_deg: float) -> None:
+    with pytest.raises(ConfigError, match="fovy must be between 0 and 180 degrees"):
+        Pinhole.from_fovy(640, 480, fovy_deg)
+    assert Pinhole.from_fovy(640, 480, 0.5).fy > 5e4

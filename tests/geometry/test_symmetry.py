@@ -1,5 +1,7 @@
 """Symmetry groups: closure, discretisation as BOP does it, and exact distances over them."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -165,3 +167,52 @@ def test_an_axis_of_zero_length_is_refused() -> None:
 def test_a_step_of_zero_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"max_step must be a fraction of the diameter in \(0, 1\], got 0.0"):
         SymmetryGroup().transforms_by_step(0.0)
+
+
+@pytest.mark.parametrize("order", [1, 2, 5])
+def test_the_elements_of_cyclic_and_dihedral_groups(order: int) -> None:
+    # Made here, not with the module, so that mutants of the functions are seen.
+    turns = [so3_exp(np.array([0.0, 0.0, 2 * np.pi * k / order])) for k in range(order)]
+    np.testing.assert_allclose(SymmetryGroup.cyclic(order).with_identity[:, :3, :3], turns, atol=1e-12)
+    dihedral = SymmetryGroup.cyclic(order, flips=True).with_identity[:, :3, :3]
+    assert len(dihedral) == 2 * order
+    np.testing.assert_allclose(dihedral[:order], turns, atol=1e-12)
+    for R in dihedral[order:]:
+        np.testing.assert_allclose(R @ R, np.eye(3), atol=1e-12)
+        np.testing.assert_allclose(R @ [0, 0, 1], [0, 0, -1], atol=1e-12)
+
+
+def test_a_cyclic_group_needs_an_order() -> None:
+    with pytest.raises(ConfigError, match="order of a cyclic group must be 1 or more, got 0"):
+        SymmetryGroup.cyclic(0)
+
+
+@pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.6, 0.0, 0.8), (0.9, 0.3, -0.1)])
+def test_a_revolution_has_a_half_turn_only_if_asked(axis: tuple[float, float, float]) -> None:
+    assert len(SymmetryGroup.revolution(axis).discrete) == 0
+    (flip,) = SymmetryGroup.revolution(axis, flip=True).discrete
+    np.testing.assert_allclose(flip[:3, :3] @ axis, np.negative(axis), atol=1e-12)
+    np.testing.assert_allclose(flip @ flip, np.eye(4), atol=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(4, 4), (2, 3, 4), (1, 2, 4, 4)])
+def test_discrete_symmetries_are_a_list_of_matrices(shape: tuple[int, ...]) -> None:
+    with pytest.raises(ConfigError, match=r"must have shape \(n, 4, 4\), got"):
+        SymmetryGroup.__post_init__(SimpleNamespace(discrete=np.zeros(shape)))  # type: ignore[arg-type]
+
+
+def test_a_matrix_that_stretches_by_a_hundredth_is_no_symmetry() -> None:
+    SymmetryGroup(transform(1.004 * np.eye(3))[None])
+    with pytest.raises(ConfigError, match="rigid motions"):
+        SymmetryGroup(transform(1.006 * np.eye(3))[None])
+
+
+def test_one_reference_serves_a_batch_of_poses_and_the_other_way_round() -> None:
+    rng = np.random.default_rng(0)
+    group, many, one = SymmetryGroup.cyclic(6), random_pose(rng, (2, 3)), random_pose(rng)
+    for a, b in ((many, one), (one, many)):
+        found = group.closest_equivalent(a, b)
+        assert found.shape == (2, 3, 4, 4)
+        for k in np.ndindex(2, 3):
+            pair = (a[k] if a is many else a, b[k] if b is many else b)
+            np.testing.assert_allclose(found[k], group.closest_equivalent(*pair), atol=1e-12)

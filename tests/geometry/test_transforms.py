@@ -133,3 +133,40 @@ def test_look_at_keeps_up_upwards_in_the_image() -> None:
     T_world_camera = look_at(np.array([1.0, 0.5, 0.3]), np.zeros(3))
     above = transform_points(invert(T_world_camera), np.array([[0.0, 0.0, 0.1]]))[0]
     assert above[1] < 0
+
+
+def test_rotations_from_columns_of_a_batch_are_those_of_each() -> None:
+    rng = np.random.default_rng(0)
+    columns = rng.normal(size=(3, 4, 6))
+    columns[0, 0, :3] = 0.0
+    columns[1, 1, 3:] = 2.5 * columns[1, 1, :3]
+    columns[2, 2] = 0.0
+    batch = rotation_from_6d(columns)
+    for k in np.ndindex(3, 4):
+        np.testing.assert_allclose(batch[k], rotation_from_6d(columns[k]), atol=1e-12)
+        np.testing.assert_allclose(batch[k] @ batch[k].T, np.eye(3), atol=1e-12)
+
+
+def test_columns_without_direction_are_replaced() -> None:
+    np.testing.assert_allclose(rotation_from_6d(np.zeros(6)), np.eye(3), atol=1e-12)
+    # y lies along the axis that is least aligned with x, of equal ones the first.
+    x = np.array([0.0, 0.6, 0.8])
+    np.testing.assert_allclose(rotation_from_6d(np.array([*x, *x]))[:, 1], [1, 0, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize("up", [None, (0.0, 1.0, 0.0), (1.0, 0.0, 1.0)])
+def test_up_is_up_in_the_image(up: tuple[float, float, float] | None) -> None:
+    eye, target = np.array([0.3, -0.2, 0.9]), np.array([0.1, 0.4, 0.2])
+    R = look_at(eye, target, None if up is None else np.array(up))[:3, :3]
+    expected = np.array((0.0, 0.0, 1.0) if up is None else up)
+    assert R[:, 0] @ expected == pytest.approx(0.0, abs=1e-12) and R[:, 1] @ expected < 0
+    np.testing.assert_allclose(R[:, 2], (target - eye) / np.linalg.norm(target - eye), atol=1e-12)
+    assert np.linalg.det(R) == pytest.approx(1.0)
+
+
+def test_a_view_along_up_has_x_up_and_a_view_along_x_then_y() -> None:
+    down = look_at(np.array([0.0, 0.0, 1.0]), np.zeros(3))[:3, :3]
+    np.testing.assert_allclose(down[:, 1], [-1, 0, 0], atol=1e-12)
+    along = look_at(np.zeros(3), np.array([2.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0]))[:3, :3]
+    np.testing.assert_allclose(along[:, 1], [0, -1, 0], atol=1e-12)
+    np.testing.assert_allclose(along[:, 2], [1, 0, 0], atol=1e-12)

@@ -58,3 +58,9 @@ def test_the_most_visible_truths_count_and_ties_keep_their_order() -> None:
 def test_a_score_that_is_no_number_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"scores of estimates must be finite, got \[nan\]"):
         top_estimates(np.array([np.nan]), 1)
+
+
+def test_ties_go_to_the_earlier_in_any_number() -> None:
+    # More than 16, below which an unstable sort of NumPy keeps their order.
+    assert top_estimates(np.zeros(100), 60).tolist() == list(range(60))
+    assert valid_truths(np.full(100, 0.5), 60).tolist() == list(range(60))

@@ -216,3 +216,29 @@ def test_sphere_projections_overlap_by_angle() -> None:
 def test_impossible_models_are_refused(vertices: np.ndarray, diameter: float, message: str) -> None:
     with pytest.raises(MeshError, match=message):
         EvaluationModel("bad", vertices, diameter, SymmetryGroup())
+
+
+def test_errors_of_a_batch_are_those_of_each_pair() -> None:
+    rng = np.random.default_rng(0)
+    shape = (2, 3)
+    a, b = (transform(random_rotation(rng, shape), rng.normal((0, 0, 1), 0.02, (*shape, 3))) for _ in range(2))
+    for error in (add, add_s, mssd):
+        found = error(a, b, SQUARE)
+        assert found.shape == shape
+        for k in np.ndindex(shape):
+            assert found[k] == pytest.approx(float(error(a[k], b[k], SQUARE)), rel=1e-9)
+    flat = a.reshape(-1, 4, 4), b.reshape(-1, 4, 4)
+    for found, E, T in zip(batch_pose_errors(*flat, SQUARE), *flat, strict=True):
+        alone = pose_error(E, T, SQUARE)
+        assert vars(found) == pytest.approx(vars(alone), rel=1e-9)
+        assert found.mssd_mm == pytest.approx(1e3 * float(mssd(E, T, SQUARE)), rel=1e-9)
+
+
+def test_projected_spheres_overlap_where_their_images_do() -> None:
+    # Radii of 0.05 m at 1 m and at 2 m have images of 0.05 and 0.025: they touch where the centres' are 0.075 apart.
+    near = at(0.3, 0.1, 1)
+    for apart, overlap in ((0.074, True), (0.076, False)):
+        far = at(2 * (0.3 + 0.6 * apart), 2 * (0.1 + 0.8 * apart), 2)
+        assert bool(sphere_projections_overlap(near, far, 0.1)) is overlap
+        both = sphere_projections_overlap(np.stack([near, near]), np.stack([far, near]), 0.1)
+        assert both.tolist() == [overlap, True]
