@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from simpick.errors import ConfigError
-from simpick.geometry import SymmetryGroup
+from simpick.geometry import SymmetryGroup, rotation_angle
 
 
 def distinct_poses(
@@ -32,11 +32,12 @@ def distinct_poses(
             f"diameter_m={diameter_m}, rotation_deg={rotation_deg}, translation_diameters={translation_diameters}"
         )
     kept: list[int] = []
-    for k in np.argsort(-scores, kind="stable").tolist():
-        if count is not None and len(kept) == count:
-            break
-        if not _near(Ts_a_part[k], Ts_a_part[kept], symmetries, rotation_deg, translation_diameters * diameter_m).any():
-            kept.append(k)
+    left = np.argsort(-scores, kind="stable")
+    while len(left) and (count is None or len(kept) < count):
+        best, left = int(left[0]), left[1:]
+        kept.append(best)
+        near = _near(Ts_a_part[left], Ts_a_part[best], symmetries, rotation_deg, translation_diameters * diameter_m)
+        left = left[~near]
     return np.array(kept, int)
 
 
@@ -48,17 +49,16 @@ def best_per_group(groups: Int[np.ndarray, "n"], costs: Float[np.ndarray, "n"], 
 
 
 def _near(
-    T: Float[np.ndarray, "4 4"],
-    others: Float[np.ndarray, "n 4 4"],
+    Ts: Float[np.ndarray, "n 4 4"],
+    T_kept: Float[np.ndarray, "4 4"],
     symmetries: SymmetryGroup,
     rotation_deg: float,
     translation_m: float,
 ) -> Bool[np.ndarray, "n"]:
-    """Return whether a pose is near each of the others."""
-    Ts = np.broadcast_to(T, others.shape)
+    """Return which poses are near one that is kept."""
     # A symmetry about an axis beside the origin moves the origin too.
-    equivalent = symmetries.closest_equivalent(Ts, others)
-    angle_deg = np.degrees(symmetries.rotation_distance(Ts[:, :3, :3], others[:, :3, :3]))
-    distance_m = np.linalg.norm(equivalent[:, :3, 3] - others[:, :3, 3], axis=-1)
+    equivalent = symmetries.closest_equivalent(Ts, T_kept)
+    angle_deg = np.degrees(rotation_angle(np.swapaxes(equivalent[:, :3, :3], 1, 2) @ T_kept[:3, :3]))
+    distance_m = np.linalg.norm(equivalent[:, :3, 3] - T_kept[:3, 3], axis=-1)
     # Margins above rounding errors, so that equal poses are near even with limits of zero.
     return (angle_deg <= rotation_deg + 1e-5) & (distance_m <= translation_m + 1e-9)

@@ -34,6 +34,10 @@ class TensorRecord:
         """Return a record of these rows of each tensor and array; a single number drops the first dimension."""
         return _mapped(self, (Tensor, np.ndarray), lambda x: x[index])
 
+    def split_rows(self: Record, groups: int) -> Record:
+        """Return a record whose first dimension is split into two: equal groups of rows, and the rows of each."""
+        return _mapped(self, (Tensor, np.ndarray), lambda x: x.reshape(groups, len(x) // groups, *x.shape[1:]))
+
     @classmethod
     def stack(cls: type[Record], records: Sequence[Record]) -> Record:
         """Return one record with a new first dimension."""

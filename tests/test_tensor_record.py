@@ -70,3 +70,10 @@ def test_rows_of_concatenated_records_follow_one_another() -> None:
 def test_to_moves_every_tensor() -> None:
     moved = outer(1.0).to(torch.device("meta"))
     assert {x.device.type for x in tensors(moved)} == {"meta"}
+
+
+def test_rows_are_split_into_equal_groups() -> None:
+    record = outer(1.0, n=6).split_rows(2)
+    assert record.inner.x.shape == (2, 3, 2) and record.poses.shape == (2, 3, 4, 4)
+    assert torch.equal(record.inner.x[1], outer(1.0, n=6).inner.x[3:])
+    assert outer(1.0, n=0).split_rows(2).pairs[0][1].shape == (2, 0, 2)

@@ -61,7 +61,7 @@ class TemplateBank:
         if self._sphere is None:
             views = spread_over_sphere(self.Rs_view_part, self._model.config.templates)
             slots = _Slot.stack(self._encoded([(int(view), 0) for view in views]))
-            self._sphere = self._model.fuse(self._templates_of([self._posed(slots, slots.Ts_crop_part[0])]))
+            self._sphere = self._model.fuse(self._templates_of(self._posed(slots, slots.Ts_crop_part[0]), sets=1))
         return self._sphere
 
     def around(self, Ts_crop_part: Float[np.ndarray, "n 4 4"]) -> TemplateTokens:
@@ -71,9 +71,9 @@ class TemplateBank:
         Ts_crop_part = self.part.symmetries.closest_equivalent(Ts_crop_part, np.eye(4))
         chosen = [choose_around(self.Rs_view_part, T[:3, :3], config.templates, TURNS) for T in Ts_crop_part]
         keys = [(int(v), int(t)) for views, turns in chosen for v, t in zip(views, turns, strict=True)]
-        slots, count = _Slot.stack(self._encoded(keys)), len(keys) // len(chosen)
-        sets = [self._posed(slots.rows(slice(k * count, (k + 1) * count)), T) for k, T in enumerate(Ts_crop_part)]
-        return self._templates_of(sets)
+        count = len(keys) // len(chosen)
+        slots = self._posed(_Slot.stack(self._encoded(keys)), np.repeat(Ts_crop_part, count, axis=0))
+        return self._templates_of(slots, sets=len(chosen))
 
     def _encoded(self, keys: list[tuple[int, int]]) -> list[_Slot]:
         missing = [key for key in dict.fromkeys(keys) if key not in self._slots]
@@ -105,8 +105,8 @@ class TemplateBank:
         # Copies, so that a slot does not keep those that were encoded with it.
         self._slots.update((key, slots.rows(k).map(Tensor.clone)) for k, key in enumerate(keys))
 
-    def _posed(self, slots: _Slot, T_reference: Float[np.ndarray, "4 4"]) -> _Slot:
-        """Return the slots with those of their equivalent poses that are rotated least against the reference."""
+    def _posed(self, slots: _Slot, T_reference: Float[np.ndarray, "*#batch 4 4"]) -> _Slot:
+        """Return the slots with those of their equivalent poses that are rotated least against their reference."""
         if self.part.symmetries.is_trivial:
             return slots
         Ts = self.part.symmetries.closest_equivalent(slots.Ts_crop_part, T_reference)
@@ -116,8 +116,9 @@ class TemplateBank:
         flow = replace(slots.flow, points=move_points(slots.flow.points, slots.flow.coverage, Ts_new_old))
         return replace(slots, points=points, flow=flow, Ts_crop_part=Ts)
 
-    def _templates_of(self, sets: list[_Slot]) -> TemplateTokens:
-        slots = _Slot.stack(sets)
+    def _templates_of(self, slots: _Slot, sets: int) -> TemplateTokens:
+        """Return the slots as equally large sets, one set after the other."""
+        slots = slots.split_rows(sets)
         return TemplateTokens(
             slots.tokens,
             slots.descriptors,

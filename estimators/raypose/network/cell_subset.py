@@ -23,12 +23,21 @@ class CellSubset:
 
     def take(self, cells: Tensor) -> Tensor:
         """Return these cells of a tensor (batch, cells, ...)."""
-        return torch.take_along_dim(cells, self._index_like(cells), dim=1)
+        return select_rows(cells, self.index)
 
     def put(self, kept: Float[Tensor, "batch kept channels"], cells: int) -> Float[Tensor, "batch cells channels"]:
         """Return the values of these cells among all `cells`, 0 elsewhere: the inverse of `take`."""
-        everything = kept.new_zeros(len(kept), cells, kept.shape[-1])
-        return everything.scatter(1, self._index_like(kept).expand_as(kept), kept)
+        everything = kept.new_zeros(len(kept) * cells, kept.shape[-1])
+        everything = everything.index_copy(0, _flat(self.index, cells), kept.flatten(0, 1))
+        return everything.unflatten(0, (len(kept), cells))
 
-    def _index_like(self, x: Tensor) -> Tensor:
-        return self.index.view(*self.index.shape, *[1] * (x.ndim - 2))
+
+def select_rows(x: Tensor, index: Int[Tensor, "batch kept"]) -> Tensor:
+    """Return ``x[k, index[k]]`` for each k of a tensor (batch, rows, ...); copies whole rows, unlike a gather."""
+    flat = x.flatten(0, 1).index_select(0, _flat(index, x.shape[1]))
+    return flat.unflatten(0, (len(index), index.shape[1]))
+
+
+def _flat(index: Int[Tensor, "batch kept"], rows: int) -> Int[Tensor, "all_kept"]:
+    first = rows * torch.arange(len(index), device=index.device)
+    return (index + first[:, None]).flatten()

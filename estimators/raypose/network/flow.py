@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from simpick.estimators.raypose.network.cell_subset import CellSubset
+from simpick.estimators.raypose.network.cell_subset import CellSubset, select_rows
 from simpick.estimators.raypose.network.config import RayPoseConfig
 from simpick.estimators.raypose.network.pose_solver import SolvedPoses, project, solve_poses
 from simpick.tensor_record import TensorRecord
@@ -47,7 +47,7 @@ class FlowCells(TensorRecord):
         """
         count = (Rs_view_part.shape[1] + 1) // 2
         order = torch.einsum("bkij,bij->bk", Rs_view_part, R).topk(count, dim=1).indices
-        return self.map(lambda x: torch.take_along_dim(x, order.view(*order.shape, *[1] * (x.ndim - 2)), dim=1))
+        return self.map(lambda x: select_rows(x, order))
 
 
 @dataclass(frozen=True, eq=False)

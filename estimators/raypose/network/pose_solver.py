@@ -98,17 +98,21 @@ def _step(
     w = weights[:, None] * _robust_weight(r.detach())  # (batch, views, cells)
     x, y, z = scaled.unbind(dim=-1)
     zero, one = torch.zeros_like(x), torch.ones_like(x)
-    # Rows of d(projection) / d(rotation vector, centre, log scale), without perspective, which is small.
-    J = torch.stack(
-        [torch.stack([zero, z, -y, one, zero, x], dim=-1), torch.stack([-z, zero, x, zero, one, y], dim=-1)], dim=-2
-    )  # (batch, views, cells, 2, 6)
+    # d(projection) / d(rotation vector, centre, log scale), without perspective, which is small. Cells come last, so
+    # that all products run along memory: (batch, views, 6, cells) for each axis of the image.
+    J_x, J_y = torch.stack([zero, z, -y, one, zero, x], dim=2), torch.stack([-z, zero, x, zero, one, y], dim=2)
+    r_x, r_y = r.unbind(dim=-1)
     total = weights
     if whitening is not None:
-        r, J = (whitening[:, None] @ r[..., None]).squeeze(-1), whitening[:, None] @ J
+        (a, b), (c, d) = (row.unbind(dim=-1) for row in whitening[:, None].unbind(dim=-2))  # (batch, 1, cells)
+        r_x, r_y = a * r_x + b * r_y, c * r_x + d * r_y
+        a, b, c, d = (value[:, :, None] for value in (a, b, c, d))
+        J_x, J_y = a * J_x + b * J_y, c * J_x + d * J_y
         total = weights * whitening.square().sum(dim=(-2, -1)) / 2
-    Jw = (J * w[..., None, None]).flatten(2, 3).mT  # (batch, views, 6, 2 cells)
-    A = Jw @ J.flatten(2, 3)
-    g = (Jw @ r.flatten(2)[..., None]).squeeze(-1)
+    J, r = torch.cat([J_x, J_y], dim=-1), torch.cat([r_x, r_y], dim=-1)  # (batch, views, 6, 2 cells)
+    Jw = J * torch.cat([w, w], dim=-1)[:, :, None]
+    A = Jw @ J.mT
+    g = (Jw @ r[..., None]).squeeze(-1)
     damped = A.new_tensor([1.0, 1.0, 1.0, 0.1, 0.1, 1.0])
     A = A + (damping * total.sum(dim=-1)[:, None, None, None] + 1e-6) * torch.diag(damped)
     step = torch.linalg.solve(A, g).clamp(-_LARGEST_STEP, _LARGEST_STEP)
