@@ -6,10 +6,13 @@ few seconds, so that no command is silent.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from datetime import timedelta
 from threading import Event, Thread
 from typing import Any, TypeVar
+from weakref import WeakSet
 
 from rich import console as rich_console
 from rich.box import SIMPLE
@@ -37,11 +40,23 @@ LINE_EVERY_S = 4.0
 """Time between two lines, also where nothing has advanced: the elapsed time has."""
 
 
+_displays: WeakSet[RichProgress] = WeakSet()
+"""Progress displays that are shown now."""
+_last_text_s = 0.0
+"""When text was last printed, by the monotonic clock."""
+
+
 class Console(rich_console.Console):
     """The terminal, or a file in its place; texts are shown as they are, because paths may hold brackets."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**{"markup": False, **options})
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """Print as rich does."""
+        global _last_text_s
+        super().print(*objects, **options)
+        _last_text_s = time.monotonic()
 
     def print_line(self, text: str) -> None:
         """Print text as it is; only the terminal wraps it, so that a path can be copied."""
@@ -55,6 +70,7 @@ class Progress(RichProgress):
 
     def start(self) -> None:
         """Show the bars, or begin to write lines."""
+        _displays.add(self)
         if self.console.is_interactive or self.console.is_jupyter:
             super().start()
         elif self._lines is None:
@@ -65,6 +81,7 @@ class Progress(RichProgress):
 
     def stop(self) -> None:
         """Remove the bars, unless they are kept, or end the lines with a last one."""
+        _displays.discard(self)
         if self._lines is None:
             super().stop()
             return
@@ -132,6 +149,32 @@ def working(description: str, console: Console | None = None) -> Iterator[None]:
     ) as display:
         display.add_task(description, total=None)
         yield
+
+
+@contextmanager
+def breaking_silence(command: str) -> Iterator[None]:
+    """While the block runs, write a line where nothing has been shown for a second, and then every few seconds.
+
+    For whole commands: libraries load and files are read before there is progress to show.
+    """
+    stopped, begun_s = Event(), time.monotonic()
+
+    def watch() -> None:
+        patience_s = FIRST_LINE_S
+        while not stopped.wait(FIRST_LINE_S / 4):
+            now_s = time.monotonic()
+            if not _displays and now_s - max(begun_s, _last_text_s) >= patience_s:
+                patience_s = LINE_EVERY_S
+                with suppress(OSError):
+                    Console().print_line(f"simpick {command}: at work, {timedelta(seconds=int(now_s - begun_s))}")
+
+    watcher = Thread(target=watch, name="silence", daemon=True)
+    watcher.start()
+    try:
+        yield
+    finally:
+        stopped.set()
+        watcher.join()
 
 
 def share_bar(before: str, after: str, end: str, *, console: Console) -> Progress:

@@ -6,7 +6,7 @@ import time
 import pytest
 
 from simpick import terminal
-from simpick.terminal import Console, narrow_table, progress_bar, share_bar, track, working
+from simpick.terminal import Console, breaking_silence, narrow_table, progress_bar, share_bar, track, working
 
 
 @pytest.fixture
@@ -114,3 +114,24 @@ def test_a_terminal_gets_a_bar() -> None:
     with progress_bar(Console(file=stream, force_terminal=True, width=80), keep=True) as bar:
         bar.advance(bar.add_task("episodes", total=2))
     assert "\x1b[" in stream.getvalue() and "1/2" in stream.getvalue()
+
+
+def test_a_command_that_shows_nothing_reports_that_it_works(hurried, monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = io.StringIO()
+    monkeypatch.setattr("sys.stdout", stream)
+    with breaking_silence("pose-benchmark"):
+        wait_for(stream, "simpick pose-benchmark: at work, 0:00:00\n", times=2)
+    written = stream.getvalue()
+    time.sleep(0.06)
+    assert stream.getvalue() == written
+
+
+def test_progress_and_text_are_no_silence(hurried, monkeypatch: pytest.MonkeyPatch) -> None:
+    stream, shown = io.StringIO(), io.StringIO()
+    monkeypatch.setattr("sys.stdout", stream)
+    with working("filling the bin", Console(file=shown)), breaking_silence("run"):
+        wait_for(shown, "filling the bin", times=3)
+    assert stream.getvalue() == ""
+    before = time.monotonic()
+    Console(file=shown).print_line("a line")
+    assert terminal._last_text_s >= before

@@ -96,7 +96,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         command = _parse(name, _current_options(name, arguments[len(name.split()) :]))
         if os.environ.get("MUJOCO_GL"):
             import simpick.rendering  # noqa: F401 - rejects an unknown back end before MuJoCo fails on it obscurely
-        return command.run()
+        # Only here, because --help needs neither.
+        from simpick.terminal import breaking_silence
+
+        with breaking_silence(name):
+            return command.run()
     except SimpickError as error:
         print(f"simpick: {error}", file=sys.stderr)
         return 2
