@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from simpick.assets.part import Part
 from simpick.estimators.base import PoseEstimator
+from simpick.estimators.refiner.box_masks import BoxMasks
 from simpick.estimators.refiner.confidence import Confidence
 from simpick.estimators.refiner.config import RefinerConfig
 from simpick.estimators.refiner.flipped_starts import with_flips
@@ -33,6 +34,7 @@ class RefinedEstimator:
         """Refine the hypotheses of `base`; `mode` is the name in the estimates, `confidence` as in `Refiner`."""
         self.base, self.mode = base, mode
         self.refiner = Refiner(config, confidence)
+        self._box_masks = BoxMasks()
         self._parts: dict[str, Part] = {}
 
     def onboard(self, part: Part) -> None:
@@ -44,8 +46,8 @@ class RefinedEstimator:
     def estimate(self, frame: CameraFrame, detections: Sequence[Detection]) -> list[PoseEstimate]:
         """Return one estimate per detection that the base answers, with refined hypotheses, best first.
 
-        Scores are probabilities that a pose is good enough to pick by. A detection without a mask keeps the base's
-        estimate: a box says too little of the outline.
+        Scores are probabilities that a pose is good enough to pick by. A detection without a mask gets one from the
+        base's poses (`BoxMasks`); the estimates keep the detections as they were given.
 
         Raises:
             ConfigError: as the base estimator and `Refiner.refine`.
@@ -67,8 +69,9 @@ class RefinedEstimator:
         return [(detection, own) for detection, own in zip(asked, found, strict=True) if own is not None]
 
     def close(self) -> None:
-        """Free the refiner's OpenGL contexts; may be called repeatedly."""
+        """Free the OpenGL contexts; may be called repeatedly."""
         self.refiner.close()
+        self._box_masks.close()
 
     def _started(
         self, frame: CameraFrame, detections: Sequence[Detection]
@@ -78,7 +81,8 @@ class RefinedEstimator:
         answered = [e.detection for e in estimates if e.detection is not None]
         # Detections that the base left unanswered still hide others.
         unanswered = [d for d in detections if not any(d is known for known in answered)]
-        return estimates, [*answered, *unanswered], [*map(self._starts, estimates), *((),) * len(unanswered)]
+        asked = [*self._box_masks.masked(frame, estimates, self._parts), *unanswered]
+        return estimates, asked, [*map(self._starts, estimates), *((),) * len(unanswered)]
 
     def _starts(self, estimate: PoseEstimate) -> Sequence[PoseHypothesis]:
         """Return the base's hypotheses, and flips of a single one if its part has been onboarded."""
@@ -90,8 +94,6 @@ class RefinedEstimator:
 def _answer(
     estimate: PoseEstimate, best_first: tuple[PoseHypothesis, ...], mode: str, elapsed_s: float
 ) -> PoseEstimate:
-    if estimate.detection is None or estimate.detection.mask is None:
-        return dataclasses.replace(estimate, mode=mode, elapsed_s=elapsed_s)
     best = best_first[0]
     return dataclasses.replace(
         estimate,
