@@ -46,6 +46,16 @@ class ForegroundDetector(Detector, Protocol):
 
 
 @runtime_checkable
+class SizedDetector(Detector, Protocol):
+    """A `Detector` that states how much of a part it must see, which explains why it found none."""
+
+    @property
+    def min_visible_px(self) -> int:
+        """Return the fewest pixels of a part that are detected."""
+        ...
+
+
+@runtime_checkable
 class PoseEstimator(Protocol):
     """Turns detections into 6D poses."""
 

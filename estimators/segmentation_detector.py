@@ -45,7 +45,7 @@ class SegmentationDetector:
             raise ConfigError("noisy detections need a random generator: pass rng=numpy.random.default_rng(seed)")
         self._rng = rng
         self._instance_parts = instance_parts
-        self._min_visible_px = min_visible_px
+        self.min_visible_px = min_visible_px
 
     def detect(self, frame: CameraFrame, parts: Sequence[Part]) -> list[Detection]:
         """Return detections of these parts, the largest visible area first.
@@ -64,7 +64,7 @@ class SegmentationDetector:
                 f"the frame shows instance {len(visible_px) - 1}, but parts of only {len(names)} are given"
             )
         wanted = {part.name for part in parts}
-        seen = np.flatnonzero(visible_px >= self._min_visible_px).tolist()
+        seen = np.flatnonzero(visible_px >= self.min_visible_px).tolist()
         found = [k for k in seen if names[k] in wanted]
         if self._rng is None:
             covers = {k: (k,) for k in found}

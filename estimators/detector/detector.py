@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float
 
 from simpick.assets.part import Part
 from simpick.config import Config, Fraction
+from simpick.estimators.detector.affinities import STRIDE
 from simpick.estimators.detector.checkpoints import load_detector_checkpoint, shipped_detector_checkpoint
 from simpick.estimators.detector.colours import cad_colours, colour_evidence, instance_colours
 from simpick.estimators.detector.composition import judge_instances
@@ -61,6 +62,11 @@ class LearnedDetector:
         self._checked: set[frozenset[tuple[str, str]]] = set()
         self._seen: tuple[np.ndarray, np.ndarray] | None = None
         """The last image and its foreground, so that asking for both runs the network once."""
+
+    @property
+    def min_visible_px(self) -> int:
+        """Return the fewest pixels of an instance that are detected."""
+        return self.segmenter.config.min_cells * STRIDE**2
 
     def onboard(self, part: Part) -> None:
         """Prepare the part's templates, or take them from the cache; `detect` does it for parts that are new."""

@@ -253,7 +253,9 @@ def cause_of_abstention(decision: Decision) -> str:
     percept = decision.percept
     if decision.abstained is PickOutcome.NOTHING_DETECTED:
         shown_px = 0 if percept.foreground is None else int(percept.foreground.sum())
-        return "look: the detector found no part" + (f", though {shown_px} px show parts" if shown_px else "")
+        shown = f", though {shown_px} px show parts" if shown_px else ""
+        needed = f"; it needs {percept.needed_px} px of one" if percept.needed_px is not None else ""
+        return f"look: the detector found no part{shown}{needed}"
     if not percept.estimates:
         return f"estimate: none of the {len(percept.detections)} detections got a pose"
     reasons = ", ".join(f"{count} {why.value}" for why, count in decision.rejected.most_common() if count)

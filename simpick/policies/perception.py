@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from simpick.assets.part import Part
-from simpick.estimators.base import Detector, ForegroundDetector, OnboardingDetector, PoseEstimator
+from simpick.estimators.base import Detector, ForegroundDetector, OnboardingDetector, PoseEstimator, SizedDetector
 from simpick.estimators.boundary import (
     onboard_part,
     validated_detections,
@@ -32,6 +32,8 @@ class Percept:
     """Wall-clock seconds of ``detect`` and ``estimate``."""
     foreground: Bool[np.ndarray, "height width"] | None = None
     """Pixels that show parts, detected or not; None if the detector does not know."""
+    needed_px: int | None = None
+    """Fewest visible pixels of a part that are detected; None if the detector does not state it."""
 
 
 @dataclass(frozen=True)
@@ -89,8 +91,14 @@ def perceive_together(
             if not isinstance(estimator, OracleEstimator):
                 estimates = resting_estimates(estimates, parts, frames[k].T_world_camera)
             timings_s = {"detect": detect_s[k], "estimate": estimate_s + time.perf_counter() - start}
-            percepts[k] = Percept(tuple(detections[k]), tuple(estimates), timings_s, foregrounds[k])
+            percepts[k] = Percept(
+                tuple(detections[k]), tuple(estimates), timings_s, foregrounds[k], _needed_px(perceptions[k].detector)
+            )
     return [percepts[k] for k in range(len(frames))]
+
+
+def _needed_px(detector: Detector) -> int | None:
+    return detector.min_visible_px if isinstance(detector, SizedDetector) else None
 
 
 def _foreground(perception: Perception, frame: CameraFrame) -> Bool[np.ndarray, "height width"] | None:

@@ -27,6 +27,11 @@ def decision(percept: Percept, **rejected: int) -> Decision:
     [
         (Percept((), (), {}), {}, "look: the detector found no part"),
         (Percept((), (), {}, SOME_PX), {}, "look: the detector found no part, though 70 px show parts"),
+        (
+            Percept((), (), {}, SOME_PX, 80),
+            {},
+            "look: the detector found no part, though 70 px show parts; it needs 80 px of one",
+        ),
         (Percept((DETECTION,), (), {}), {}, "estimate: none of the 1 detections got a pose"),
         (
             Percept((DETECTION,), (ESTIMATE,), {}),

@@ -58,3 +58,12 @@ def test_the_foreground_is_kept_where_the_detector_knows_it() -> None:
     own = Perception("x", Segments(), OneNut()).perceive(FRAME, [NUT]).foreground
     other = Perception("x", OneNut(), OneNut(), foreground=Segments()).perceive(FRAME, [NUT]).foreground
     assert own is not None and other is not None and own.all() and other.all()
+
+
+class Sized(OneNut):
+    min_visible_px = 40
+
+
+def test_what_the_detector_needs_to_see_is_kept() -> None:
+    assert Perception("x", OneNut(), OneNut()).perceive(FRAME, [NUT]).needed_px is None
+    assert Perception("x", Sized(), OneNut()).perceive(FRAME, [NUT]).needed_px == 40
