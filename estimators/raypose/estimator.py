@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -148,7 +149,12 @@ class RayPoseEstimator:
                 own += list(transform(crops.Rs_crop_camera[row].T) @ Ts_crop_part)
         rows = np.repeat(rows, [len(own) for own in starts])
         Ts_camera_part = np.stack([T for own in starts for T in own])
-        return self._iterate(bank, crops, queries, Candidates(rows, rows, Ts_camera_part, np.zeros(len(rows))))
+        candidates = Candidates(rows, rows, Ts_camera_part, np.zeros(len(rows)))
+        kept = max(self.config.kept, self.config.hypotheses)
+        if self.model.solves_matches and max(map(len, starts)) > kept:
+            _, scores = self._predicted(bank, crops, queries, candidates, final=False)
+            candidates = replace(candidates, scores=scores).best(kept)
+        return self._iterate(bank, crops, queries, candidates)
 
     def _coarse(
         self, bank: TemplateBank, crops: QueryCrops, queries: QueryTokens, rows: Int[np.ndarray, "n"]
@@ -182,15 +188,22 @@ class RayPoseEstimator:
         tried, hypotheses = self.config.tried, self.config.hypotheses
         kept = max(tried, hypotheses) if hypotheses > 1 else (tried + 1) // 2
         for left in reversed(range(self._iterations)):
-            rows = candidates.crops
-            Ts_crop_part = crops.poses_in_crops(rows, candidates.Ts_camera_part)
-            pose, scores = self._predictor.predict(
-                queries, rows, lambda chunk, Ts=Ts_crop_part: bank.around(Ts[chunk]), final=left == 0
-            )
-            candidates = Candidates(candidates.detections, rows, crops.poses_in_camera(rows, pose), scores)
+            Ts_camera_part, scores = self._predicted(bank, crops, queries, candidates, final=left == 0)
+            candidates = replace(candidates, Ts_camera_part=Ts_camera_part, scores=scores)
             if left:
                 candidates = candidates.best(kept)
         return candidates
+
+    def _predicted(
+        self, bank: TemplateBank, crops: QueryCrops, queries: QueryTokens, candidates: Candidates, *, final: bool
+    ) -> tuple[Float[np.ndarray, "n 4 4"], Float[np.ndarray, "n"]]:
+        """Return the poses that follow from the templates around candidates, and their scores."""
+        rows = candidates.crops
+        Ts_crop_part = crops.poses_in_crops(rows, candidates.Ts_camera_part)
+        pose, scores = self._predictor.predict(
+            queries, rows, lambda chunk: bank.around(Ts_crop_part[chunk]), final=final
+        )
+        return crops.poses_in_camera(rows, pose), scores
 
     def _ranked(self, part: Part, candidates: Candidates, detection: int) -> list[PoseHypothesis]:
         """Return one detection's candidates without near-identical ones, best first."""

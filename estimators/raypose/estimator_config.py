@@ -28,6 +28,9 @@ class RayPoseEstimatorConfig(Config):
     answer is what matches support best."""
     views: NonNegativeInt = 5
     """Fine only: how many views with the most similar embeddings are followed besides."""
+    kept: PositiveInt = 5
+    """Fine only: how many of these starts are measured by flow, those whose matches agree best on a pose; as many as
+    hypotheses are asked for, or more."""
     decoder_steps: NonNegativeInt = 0
     """Denoising steps of the diffusion decoder after matches and flow; 0 leaves it out. Networks without matching need
     some."""

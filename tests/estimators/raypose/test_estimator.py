@@ -126,6 +126,23 @@ def test_hypotheses_are_apart_and_the_best_comes_first(crank):
     np.testing.assert_array_equal(estimate.T_camera_part, estimate.hypotheses[0].T_camera_part)
 
 
+@pytest.mark.parametrize(("hypotheses", "measured"), [(1, 2), (3, 3), (9, 6)])
+def test_flow_is_measured_for_the_starts_that_matches_agree_on_best(crank, monkeypatch, hypotheses, measured):
+    frame, detection, T = next(iter(pictures(crank, 1)))
+    rng = np.random.default_rng(1)
+    starts = [off(T, deg, rng) for deg in (170.0, 150.0, 10.0, 120.0, 100.0, 90.0)]
+    config = RayPoseEstimatorConfig(hypotheses=hypotheses, starts=6, views=0, kept=2)
+    estimator = load_raypose("fine", config, start=Start(starts))
+    estimator.onboard(crank)
+    followed = []
+    around = TemplateBank.around
+    monkeypatch.setattr(TemplateBank, "around", lambda bank, Ts: followed.append(Ts) or around(bank, Ts))
+    (estimate,) = estimator.estimate(frame, [detection])
+    assert len(followed[-1]) == measured
+    error_deg = np.degrees(crank.symmetries.rotation_distance(estimate.T_camera_part[:3, :3], T[:3, :3]))
+    assert error_deg < 10.0
+
+
 @pytest.mark.parametrize("change", [{}, {"multiview": False}, {"matching": False, "flow": False}], ids=str)
 @pytest.mark.parametrize("iterations", [0, 1, 2])
 def test_any_network_can_be_coarse_with_any_number_of_passes(crank, change, iterations):
