@@ -65,8 +65,8 @@ def disturbance_lines(times: Mapping[str, CoreTime]) -> list[str]:
     if not disturbed:
         return []
     return [
-        f"The machine was loaded: threads waited for a core for a share of their time: {', '.join(disturbed)}. Times "
-        "are longer, and picks per hour fewer, than on an idle machine; measure again with less beside it"
+        f"loaded machine: share of time spent waiting for a core: {', '.join(disturbed)}. Times are longer, and picks "
+        "per hour fewer, than with nothing else running"
     ]
 
 

@@ -21,7 +21,7 @@ def test_times_add_up_and_waiting_is_a_share() -> None:
 def test_only_disturbed_measurements_are_reported() -> None:
     times = {"fine": CoreTime(9.5, 0.5), "refined": CoreTime(6.0, 4.0)}
     (line,) = disturbance_lines(times)
-    assert "share of their time: refined 40%. Times are longer, and picks per hour fewer" in line
+    assert "spent waiting for a core: refined 40%. Times are longer, and picks per hour fewer" in line
     assert disturbance_lines({"fine": times["fine"]}) == []
 
 
