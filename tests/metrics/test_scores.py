@@ -123,3 +123,18 @@ def test_targets_with_and_without_vsd_do_not_mix() -> None:
 def test_lists_must_match() -> None:
     with pytest.raises(ConfigError, match="as many visible fractions as poses, got 1 for 2"):
         errors_of(at((0, 0)), at((0, 0), (1, 0)), 1, visible=np.ones(1))
+
+
+def test_the_tolerance_of_visibility_is_the_depth_images_own() -> None:
+    part = np.full((1, 480, 640), 1.0)
+    for delta_m, error in ((0.015, 1.0), (0.03, 0.0)):
+        depth = DepthImages(np.full((480, 640), 0.98), part, part, delta_m)
+        target = errors_of(at((0, 0)), at((0, 0)), 1, depth=depth)
+        assert target.vsd is not None and (target.vsd == error).all(), "20 mm behind the scene"
+
+
+def test_parts_whose_images_cannot_overlap_have_nothing_in_common() -> None:
+    part = np.full((1, 480, 640), 1.0)
+    for offset_mm, error in ((99, 0.0), (101, 1.0)):
+        target = errors_of(at((offset_mm, 0)), at((0, 0)), 1, depth=DepthImages(part[0], part, part))
+        assert target.vsd is not None and (target.vsd == error).all(), "their depth images are the same"
