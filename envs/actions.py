@@ -29,7 +29,7 @@ def finite_values(action: object, count: int) -> Float[np.ndarray, "count"]:
     if values.shape != (count,) or not np.isfinite(values).all():
         shown = action.tolist() if isinstance(action, np.ndarray) else action
         raise ConfigError(f"an action must be {count} finite numbers in [-1, 1], got {shown!r}")
-    return np.clip(values, -1.0, 1.0)
+    return np.minimum(np.maximum(values, -1.0), 1.0)
 
 
 def encode_action(

@@ -157,15 +157,14 @@ class BinEnv(gymnasium.Env):
         assert self._renderer is not None
         return self._renderer.capture("overview", depth=False, instances=False).rgb
 
-    def _truth_arrays(self) -> dict[str, np.ndarray]:
+    def _truth_arrays(self, parts_in_bin: Sequence[int]) -> dict[str, np.ndarray]:
         """Return the truth as arrays with one row for each instance, for ``info``.
 
         The rows of removed parts stay, as NaN, for gymnasium's vector environments stack arrays of equal shape only.
         """
-        count = len(self.scene.instances)
-        T_world_part = np.full((count, 4, 4), np.nan)
-        in_bin = np.zeros(count, bool)
-        for truth in self.truth():
-            T_world_part[truth.instance] = truth.T_world_part
-            in_bin[truth.instance] = truth.in_bin
+        scene = self.scene
+        T_world_part = scene.Ts_world_part()
+        T_world_part[list(scene.removed)] = np.nan
+        in_bin = np.zeros(len(T_world_part), bool)
+        in_bin[list(parts_in_bin)] = True
         return {"T_world_part": T_world_part, "in_bin": in_bin}

@@ -235,7 +235,8 @@ class BinPickEnv(BinEnv, EzPickle):
         return observation_from_frame(frame, instance_parts, len(self.scene.parts_in_bin()), self._last_outcome)
 
     def _info(self) -> dict[str, Any]:
-        return {"is_success": not self.scene.parts_in_bin(), "truth": self._truth_arrays()}
+        inside = self.scene.parts_in_bin()
+        return {"is_success": not inside, "truth": self._truth_arrays(inside)}
 
     def _ended(self, pick: PickRecord) -> str:
         if pick.outcome is PickOutcome.SIMULATION_FAULT:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from gymnasium.utils import EzPickle
+from jaxtyping import Float, Float32
 
 from simpick.envs.bin_env import RENDER_MODES, BinEnv, check_count, part_pool
 from simpick.envs.servo_spaces import (
@@ -22,7 +23,6 @@ from simpick.envs.servo_spaces import (
     servo_scene_config,
 )
 from simpick.errors import ConfigError, SimulationFaultError
-from simpick.geometry import transform
 from simpick.motion import Kinematics, MotionConfig, TwistServo
 from simpick.motion.monitor import Monitor
 from simpick.rendering.renderer import RenderQuality
@@ -204,10 +204,14 @@ class BinServoEnv(BinEnv, EzPickle):
         # A tick is whole simulation steps, as evenly spread over its periods as they go.
         total = max(PERIODS_PER_TICK, round(1.0 / (TICK_HZ * scene.model.opt.timestep)))
         self._steps = np.diff(np.linspace(0, total, PERIODS_PER_TICK + 1).astype(int)).tolist()
+        self._periods_s = [steps * float(scene.model.opt.timestep) for steps in self._steps]
         kinematics = Kinematics(self.robot, self._gripper.T_base_tcp)
-        self._arm_servo = TwistServo(kinematics, self.robot.home_qpos, self._motion.joint_speed_rad_s, SERVO_WORKSPACE)
+        self._arm_servo = TwistServo(
+            kinematics, self.robot.home_qpos, self._motion.joint_speed_rad_s, SERVO_WORKSPACE, self._periods_s
+        )
         self._gripper_servo = self._gripper.servo()
         self._monitor = Monitor(scene, self._motion)
+        self._in_bin = scene.parts_in_bin()
         self._ticks = 0
         self.timings_s = {"simulate": time.perf_counter() - start}
         self._observation = self._observe()
@@ -229,9 +233,10 @@ class BinServoEnv(BinEnv, EzPickle):
             delivered = tuple(k for k in scene.parts_in_chute() if k not in touched)
             for instance in delivered:
                 scene.remove(instance)
+            self._in_bin = scene.parts_in_bin()
             ended = "" if self._work_left() else "cleared"
         except SimulationFaultError:
-            ended = "simulation_fault"
+            self._in_bin, ended = scene.parts_in_bin(), "simulation_fault"
         self.timings_s = {"simulate": time.perf_counter() - start}
         self._ticks += 1
         if ended != "simulation_fault":
@@ -251,11 +256,11 @@ class BinServoEnv(BinEnv, EzPickle):
         """Simulate one tick and return the largest force on what never moves."""
         scene = self.scene
         model, data = scene.model, scene.data
-        periods_s = [steps * float(model.opt.timestep) for steps in self._steps]
-        moves = self._arm_servo.commands(command.twist_world, data.qpos[self._qpos_adr].copy(), periods_s)
+        q, qd = self._arm_servo.commands(command.twist_world, data.qpos[self._qpos_adr])
+        controls = self.robot.servo_command(q, qd)
         peak_force_n = 0.0
-        for steps, period_s, (q, qd) in zip(self._steps, periods_s, moves, strict=True):
-            data.ctrl[self._actuators] = self.robot.servo_command(q, qd)
+        for steps, period_s, control in zip(self._steps, self._periods_s, controls, strict=True):
+            data.ctrl[self._actuators] = control
             self._gripper_servo.command(model, data, command.gripper_rate, period_s)
             scene.step(steps)
             self._monitor.look()
@@ -266,7 +271,7 @@ class BinServoEnv(BinEnv, EzPickle):
     def _work_left(self) -> bool:
         """Return whether a part is in the bin, or elsewhere but held, touched or still moving."""
         scene = self.scene
-        if scene.parts_in_bin():
+        if self._in_bin:
             return True
         away = np.array([*scene.parts_elsewhere(), *scene.parts_in_chute()], int)
         moving = self._monitor.part_speeds()[away] > _STILL_SPEED_M_S
@@ -281,15 +286,17 @@ class BinServoEnv(BinEnv, EzPickle):
         }
         self.timings_s["render"] = time.perf_counter() - start
         data = scene.data
-        q, qd = data.qpos[self._qpos_adr], data.qvel[self._qvel_adr]
-        observation["joint_positions"] = np.clip(q, -MAX_JOINT_RAD, MAX_JOINT_RAD).astype(np.float32)
-        observation["joint_velocities"] = np.clip(qd, -MAX_JOINT_SPEED_RAD_S, MAX_JOINT_SPEED_RAD_S).astype(np.float32)
-        T_world_tcp = transform(data.site_xmat[self._tcp].reshape(3, 3), data.site_xpos[self._tcp])
-        observation["T_world_tcp"] = T_world_tcp.astype(np.float32)
+        observation["joint_positions"] = _within(data.qpos[self._qpos_adr], MAX_JOINT_RAD)
+        observation["joint_velocities"] = _within(data.qvel[self._qvel_adr], MAX_JOINT_SPEED_RAD_S)
+        T_world_tcp = np.zeros((4, 4), np.float32)
+        T_world_tcp[:3, :3] = data.site_xmat[self._tcp].reshape(3, 3)
+        T_world_tcp[:3, 3] = data.site_xpos[self._tcp]
+        T_world_tcp[3, 3] = 1.0
+        observation["T_world_tcp"] = T_world_tcp
         sensor = self._gripper.sensor
         dtype = np.int8 if sensor.upper is None else np.float32
         observation[sensor.key] = np.array([self._gripper.sense(scene.model, data)], dtype)
-        observation["remaining"] = np.int64(len(scene.parts_in_bin()))
+        observation["remaining"] = np.int64(len(self._in_bin))
         return observation
 
     def _copy_observation(self) -> dict[str, Any]:
@@ -297,7 +304,7 @@ class BinServoEnv(BinEnv, EzPickle):
 
     def _info(self) -> dict[str, Any]:
         scene = self.scene
-        return {"is_success": len(scene.removed) == len(scene.instances), "truth": self._truth_arrays()}
+        return {"is_success": len(scene.removed) == len(scene.instances), "truth": self._truth_arrays(self._in_bin)}
 
     def _release_scene(self) -> None:
         if self._image_renderer is not None:
@@ -305,3 +312,8 @@ class BinServoEnv(BinEnv, EzPickle):
         self._image_renderer = None
         self.__dict__.pop("_monitor", None)  # It holds the scene.
         super()._release_scene()
+
+
+def _within(values: Float[np.ndarray, "joints"], most: float) -> Float32[np.ndarray, "joints"]:
+    """Return `values` cut off at plus and minus `most`."""
+    return np.minimum(np.maximum(values, -most), most).astype(np.float32)

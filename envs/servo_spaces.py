@@ -22,6 +22,7 @@ MAX_LINEAR_SPEED_M_S = 0.25
 """TCP speed along each world axis at full command: the limit of ISO 10218-1 for moving a robot by hand control."""
 MAX_ANGULAR_SPEED_RAD_S = np.deg2rad(90.0)
 """Speed about each world axis at full command."""
+_TWIST_AT_1 = np.repeat([MAX_LINEAR_SPEED_M_S, MAX_ANGULAR_SPEED_RAD_S], 3)
 SERVO_WORKSPACE = Box((0.14, -0.60, 0.0), (0.72, 0.28, 0.50))
 """Where the TCP's position is kept: over bin and chute, away from the arm's own base and the ends of its reach."""
 JOINTS = 6
@@ -78,8 +79,7 @@ def decode_servo_action(action: np.ndarray | Sequence[float]) -> ServoCommand:
         ConfigError: the action is not seven finite numbers.
     """
     values = finite_values(action, 7)
-    scale = np.repeat([MAX_LINEAR_SPEED_M_S, MAX_ANGULAR_SPEED_RAD_S], 3)
-    return ServoCommand(values[:6] * scale, float(values[6]))
+    return ServoCommand(values[:6] * _TWIST_AT_1, float(values[6]))
 
 
 def servo_action_space() -> spaces.Box:

@@ -112,12 +112,12 @@ class JawGripper:
 
     def release(self, model: mujoco.MjModel, data: mujoco.MjData, opening_m: float) -> None:
         """Command the jaw to this opening."""
-        data.ctrl[model.actuator(_OPENING).id] = np.clip(opening_m, 0.0, JAW_STROKE_M)
+        data.ctrl[_actuator(model)] = min(max(opening_m, 0.0), JAW_STROKE_M)
 
     def grip(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Command the jaw to close with its full force."""
         # Past closed by more than the servo needs to saturate, so that thin parts get the full force too.
-        data.ctrl[model.actuator(_OPENING).id] = -1.5 * JAW_FORCE_N / _SERVO_STIFFNESS_N_PER_M
+        data.ctrl[_actuator(model)] = -1.5 * JAW_FORCE_N / _SERVO_STIFFNESS_N_PER_M
 
     def maintain(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Do nothing: a worm gear keeps its force."""
@@ -128,11 +128,11 @@ class JawGripper:
 
     def sense(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:
         """Return the opening within the stroke."""
-        return float(np.clip(self.opening_m(model, data), 0.0, JAW_STROKE_M))
+        return min(max(self.opening_m(model, data), 0.0), JAW_STROKE_M)
 
     def opening_m(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:
         """Return the distance between the pads."""
-        return float(data.ten_length[model.tendon(_OPENING).id])
+        return float(data.ten_length[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TENDON, _OPENING)])
 
     def held_bodies(self, model: mujoco.MjModel, data: mujoco.MjData) -> tuple[int, ...]:
         """Return the movable bodies between the pads, in rising order.
@@ -157,6 +157,10 @@ class JawGripper:
         if opening_mm < 0.5:
             return f"fingers closed to {max(opening_mm, 0.0):.1f} mm at stage grip: nothing between the pads"
         return f"fingers stopped at {opening_mm:.1f} mm at stage grip, but no part lay between both pads"
+
+
+def _actuator(model: mujoco.MjModel) -> int:
+    return mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, _OPENING)
 
 
 def _add_palm(base: mujoco.MjsBody) -> None:

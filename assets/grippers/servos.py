@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import mujoco
-import numpy as np
 
 from simpick.assets.grippers.base import Gripper
 
@@ -26,7 +25,7 @@ class OpeningServo:
         # The command never runs far ahead of a blocked jaw, so that it opens without delay.
         full_force_m = self._gripper.opening_m(model, data) - SQUEEZE_M
         wanted_m = self._opening_m - rate * OPENING_SPEED_M_S * period_s
-        self._opening_m = float(np.clip(wanted_m, full_force_m, self._gripper.max_opening_m))
+        self._opening_m = min(max(wanted_m, full_force_m), self._gripper.max_opening_m)
         if self._opening_m <= full_force_m:
             self._gripper.grip(model, data)
         else:

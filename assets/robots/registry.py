@@ -25,7 +25,8 @@ class Robot:
     home_qpos: Float[np.ndarray, "joints"]
     """Rest pose in radians: out of the overhead camera's view of the bin."""
     servo_command: Callable[..., np.ndarray]
-    """``servo_command(q, qd)`` gives the controls that follow a moving target without lag."""
+    """``servo_command(q, qd)`` gives the controls that follow a moving target without lag, also for many rows at
+    once."""
     inverse: Callable[..., np.ndarray]
     """``inverse(T_base_flange, q_near)`` gives one joint vector per branch of solutions, each angle within pi of
     `q_near`'s: the starts of the numerical solver. Shape (branches, joints); no rows out of reach."""

@@ -31,6 +31,7 @@ SERVO_KP = (6000.0, 6000.0, 4000.0, 1500.0, 1500.0, 1000.0)
 """Position gain in Nm/rad."""
 SERVO_KV = (300.0, 300.0, 200.0, 40.0, 40.0, 25.0)
 """Velocity gain in Nm s/rad, near critical damping for the inertia each joint sees with the arm half stretched."""
+_LEAD_S = np.asarray(SERVO_KV) / np.asarray(SERVO_KP)
 ARMATURE_KG_M2 = (0.3, 0.3, 0.3, 0.1, 0.1, 0.1)
 """Rotor inertia seen through the gear."""
 
@@ -170,13 +171,15 @@ def add_ur5e(
     return body.add_site(name=f"{prefix}flange", pos=T_parent_body[:3, 3], size=[0.005, 0.005, 0.005], group=4)
 
 
-def servo_command(q: Float[np.ndarray, "6"], qd: Float[np.ndarray, "6"]) -> Float[np.ndarray, "6"]:
+def servo_command(
+    q: Float[np.ndarray, "*periods 6"], qd: Float[np.ndarray, "*periods 6"]
+) -> Float[np.ndarray, "*periods 6"]:
     """Return the actuators' controls that follow position `q` (rad) moving at `qd` (rad/s) without a speed lag.
 
     The servo's torque is kp (ctrl - q) - kv qd; adding kv/kp times the wanted speed turns its damping into damping
     of the speed's error.
     """
-    return np.asarray(q) + np.asarray(SERVO_KV) / np.asarray(SERVO_KP) * np.asarray(qd)
+    return q + _LEAD_S * qd
 
 
 def _add_servo(spec: mujoco.MjSpec, name: str, i: int) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from simpick.assets.contact_forces import normal_forces
 from simpick.motion.collision import describe_geom
@@ -37,6 +37,8 @@ class Monitor:
         self._is_pad = np.zeros(scene.model.ngeom, bool)
         self._is_pad[self._pads] = True
         self._instance_of_body = {i.body_id: i.instance for i in scene.instances}
+        self._part_dofs = np.array([i.dof_adr for i in scene.instances])[:, None] + np.arange(6)
+        self._radii_m = np.array([i.part.diameter_m / 2 for i in scene.instances])
         self.peak_force_n = 0.0
         """Largest sum of normal forces on any one of the gripper's contact geoms, so far."""
         self.fixed_force_n = 0.0
@@ -53,8 +55,7 @@ class Monitor:
         if data.ncon == 0:
             return
         geoms = data.contact.geom
-        ours = self._is_robot[geoms]
-        selected = np.flatnonzero(ours.any(axis=1))
+        selected = self._robot_contacts(geoms)
         if len(selected) == 0:
             return
         pairs, forces = geoms[selected], normal_forces(data)[selected]
@@ -70,6 +71,10 @@ class Monitor:
             for pad in self._pads:
                 pressing = (pairs == pad).any(axis=1) & (forces > 0)
                 self.peak_force_n = max(self.peak_force_n, float(forces[pressing].sum()))
+
+    def _robot_contacts(self, geoms: Int[np.ndarray, "contacts 2"]) -> Int[np.ndarray, "selected"]:
+        """Return which contacts join arm or gripper with anything."""
+        return np.flatnonzero(np.take(self._is_robot, geoms).any(axis=1))
 
     def obstruction(self, q: np.ndarray, q_commanded: np.ndarray, holding: bool) -> Obstruction | None:
         """Return what stops the arm now, or None; while `holding`, force on parts is the grip's own."""
@@ -92,8 +97,14 @@ class Monitor:
 
     def clinging(self) -> tuple[int, ...]:
         """Return the instances that touch arm or gripper anywhere."""
-        geoms = self._scene.data.contact.geom
-        pairs = geoms[self._is_robot[geoms].any(axis=1)]
+        data = self._scene.data
+        if data.ncon == 0:
+            return ()
+        geoms = data.contact.geom
+        selected = self._robot_contacts(geoms)
+        if len(selected) == 0:
+            return ()
+        pairs = geoms[selected]
         instances = self._scene.instance_of_geom[pairs]
         return tuple(int(k) for k in np.unique(instances[instances >= 0]))
 
@@ -108,7 +119,5 @@ class Monitor:
 
     def part_speeds(self) -> Float[np.ndarray, "instances"]:
         """Return the speed of every part's rim, linear plus angular, in m/s."""
-        scene = self._scene
-        qvel = np.stack([scene.data.qvel[i.dof_adr : i.dof_adr + 6] for i in scene.instances])
-        radii = np.array([i.part.diameter_m / 2 for i in scene.instances])
-        return np.linalg.norm(qvel[:, :3], axis=1) + radii * np.linalg.norm(qvel[:, 3:], axis=1)
+        qvel = self._scene.data.qvel[self._part_dofs]
+        return np.linalg.norm(qvel[:, :3], axis=1) + self._radii_m * np.linalg.norm(qvel[:, 3:], axis=1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,7 +36,8 @@ MAX_SPEED = 100.0
 stays well below."""
 MAX_SPIN = 3000.0
 """The same for the spin of a part, in rad/s: a nut that the jaw pinches at its rim leaves with some 400 rad/s."""
-_FAULTS = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+_FAULTS = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
+"""The warnings of diverged positions, speeds and accelerations, which are neighbours."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +80,11 @@ class Scene:
         self._fastest = np.full(model.nv, MAX_SPEED)
         for instance in self.instances:
             self._fastest[instance.dof_adr + 3 : instance.dof_adr + 6] = MAX_SPIN
+        self._faults = self.data.warning.number[_FAULTS]
+        starts = np.array([i.qpos_adr for i in self.instances], int)
+        self._position_adr = starts[:, None] + np.arange(3)
+        self._body_ids = np.array([i.body_id for i in self.instances], int)
+        self._bin_zone, self._chute_zone = bin_zone(config.bin), chute_zone()
         self.group_of_geom: Int[np.ndarray, "geoms"] = group_of_geom(model)
         """`ContactGroup` of each geom."""
 
@@ -106,9 +113,13 @@ class Scene:
     def check_finite(self) -> None:
         """Raise SimulationFaultError where the physics has diverged."""
         data = self.data
-        excess = np.abs(data.qvel) / self._fastest
-        warned = [warning.name for warning in _FAULTS if data.warning[warning].number > 0]
-        if warned or not np.all(excess <= 1) or not np.all(np.isfinite(data.qpos)):
+        # A NaN is within no limit, and makes a sum of squares one.
+        # Where the sum of the squared shares is below 1, so is each of them.
+        shares, qpos = data.qvel / self._fastest, data.qpos
+        slow = np.dot(shares, shares) <= 1.0 or (np.abs(shares) <= 1.0).all()
+        if not slow or not math.isfinite(np.dot(qpos, qpos)) or np.count_nonzero(self._faults):
+            counts = enumerate(self._faults.tolist(), start=_FAULTS.start)
+            warned = [mujoco.mjtWarning(fault).name for fault, count in counts if count > 0]
             speed = np.abs(data.qvel).max(initial=0.0)
             raise SimulationFaultError(
                 f"the physics diverged at {data.time:.3f} s (largest joint speed {speed:.3g}"
@@ -120,12 +131,20 @@ class Scene:
     @property
     def positions_m(self) -> Float[np.ndarray, "instances 3"]:
         """Return where the origins of all instances are, removed ones included."""
-        return np.stack([self.data.qpos[i.qpos_adr : i.qpos_adr + 3] for i in self.instances])
+        return self.data.qpos[self._position_adr]
 
     def T_world_part(self, instance: int) -> Float[np.ndarray, "4 4"]:
         """Return the true pose of an instance."""
         body = self.instances[instance].body_id
         return transform(self.data.xmat[body].reshape(3, 3), self.data.xpos[body].copy())
+
+    def Ts_world_part(self) -> Float[np.ndarray, "instances 4 4"]:
+        """Return the true poses of all instances, removed ones included."""
+        Ts_world_part = np.zeros((len(self.instances), 4, 4))
+        Ts_world_part[:, :3, :3] = self.data.xmat[self._body_ids].reshape(-1, 3, 3)
+        Ts_world_part[:, :3, 3] = self.data.xpos[self._body_ids]
+        Ts_world_part[:, 3, 3] = 1.0
+        return Ts_world_part
 
     def truth(self) -> tuple[InstanceTruth, ...]:
         """Return the true pose of every instance that has not been removed."""
@@ -138,11 +157,11 @@ class Scene:
 
     def parts_in_bin(self) -> tuple[int, ...]:
         """Return the instances whose centre lies in the bin, or on the pile up to 6 cm above its rim."""
-        return self._where(bin_zone(self.config.bin).contains(self.positions_m))
+        return self._where(self._bin_zone.contains(self.positions_m))
 
     def parts_in_chute(self) -> tuple[int, ...]:
         """Return the delivered instances that still lie in the chute."""
-        return self._where(chute_zone().contains(self.positions_m))
+        return self._where(self._chute_zone.contains(self.positions_m))
 
     def parts_elsewhere(self) -> tuple[int, ...]:
         """Return the instances neither in the bin nor in the chute: held, in flight, or lost on the table."""
@@ -163,7 +182,7 @@ class Scene:
         return instance in self.parts_in_chute()
 
     def _where(self, mask: np.ndarray) -> tuple[int, ...]:
-        return tuple(int(k) for k in np.flatnonzero(mask) if int(k) not in self._removed)
+        return tuple(k for k in np.flatnonzero(mask).tolist() if k not in self._removed)
 
     # -- cameras ------------------------------------------------------------------------------------------------
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -32,7 +33,12 @@ class Box:
 
     def contains(self, points: Float[np.ndarray, "*batch 3"]) -> Bool[np.ndarray, "*batch"]:
         """Return which points lie inside."""
-        return np.all((points >= np.array(self.lower_m)) & (points <= np.array(self.upper_m)), axis=-1)
+        lower_m, upper_m = self._corners_m
+        return np.all((points >= lower_m) & (points <= upper_m), axis=-1)
+
+    @cached_property
+    def _corners_m(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+        return np.array(self.lower_m), np.array(self.upper_m)
 
     @property
     def centre_m(self) -> Float[np.ndarray, "3"]:

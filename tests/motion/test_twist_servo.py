@@ -9,6 +9,8 @@ from simpick.motion import Kinematics, TwistServo
 from simpick.motion.twist_servo import MAX_ACCELERATION_RAD_S2, MAX_LEAD_RAD
 from simpick.scene.workspace import Box
 
+from .mink_servo import mink_commands
+
 EVERYWHERE = Box((-2.0, -2.0, -2.0), (2.0, 2.0, 2.0))
 PERIODS_S = [0.01] * 5
 SPEED_LIMIT = 2.5
@@ -21,18 +23,18 @@ def kinematics() -> Kinematics:
 
 def servo(kinematics: Kinematics, q_start=None, workspace: Box = EVERYWHERE) -> TwistServo:
     q_start = get_robot("ur5e").home_qpos if q_start is None else q_start
-    return TwistServo(kinematics, q_start, SPEED_LIMIT, workspace)
+    return TwistServo(kinematics, q_start, SPEED_LIMIT, workspace, PERIODS_S)
 
 
 def follow(arm: TwistServo, q: np.ndarray, twists: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return joint angles and speeds of an arm that obeys at once, one row a control period."""
     qs, qds = [], []
     for twist in twists:
-        for command in arm.commands(twist, q, PERIODS_S):
-            q, qd = command
-            qs.append(q)
-            qds.append(qd)
-    return np.array(qs), np.array(qds)
+        tick_qs, tick_qds = arm.commands(twist, q)
+        q = tick_qs[-1]
+        qs.append(tick_qs)
+        qds.append(tick_qds)
+    return np.concatenate(qs), np.concatenate(qds)
 
 
 def test_a_straight_line_is_kept_to_a_tenth_of_a_millimetre(kinematics) -> None:
@@ -85,9 +87,34 @@ def test_the_position_stays_in_the_workspace_and_slides_along_its_faces(kinemati
 
 def test_a_blocked_arm_is_led_by_a_bounded_angle(kinematics) -> None:
     arm, home = servo(kinematics), get_robot("ur5e").home_qpos
-    commands = []
+    qs = np.empty((0, 6))
     for _ in range(20):
-        commands = arm.commands(np.array([0.2, 0, 0, 0, 0, 0]), home, PERIODS_S)
+        qs, _ = arm.commands(np.array([0.2, 0, 0, 0, 0, 0]), home)
     # The lead is cut back before each tick, in which the command moves by at most its speed.
-    assert np.abs(commands[-1][0] - home).max() < MAX_LEAD_RAD + 0.05 * SPEED_LIMIT
-    assert np.abs(commands[0][0] - home).max() < MAX_LEAD_RAD + 0.01 * SPEED_LIMIT
+    assert np.abs(qs[-1] - home).max() < MAX_LEAD_RAD + 0.05 * SPEED_LIMIT
+    assert np.abs(qs[0] - home).max() < MAX_LEAD_RAD + 0.01 * SPEED_LIMIT
+
+
+def _motions() -> dict[str, tuple[np.ndarray, float, float]]:
+    """Return twists, one row a tick, and the tolerances in rad and m, which limits that bind make wider."""
+    rng, time_s = np.random.default_rng(0), np.arange(40) / 20
+    waves = np.sin(time_s[:, None] * (1 + 0.3 * np.arange(6)))
+    return {
+        "line": (np.tile([0.15, 0.2, -0.05, 0, 0, 0], (30, 1)), 1e-6, 1e-6),
+        "turn and shift": (waves * np.repeat([0.08, 0.25], 3), 1e-5, 1e-5),
+        "random": (rng.uniform(-0.3, 0.3, (40, 6)) * np.repeat([0.25, 1.57], 3), 1e-4, 5e-5),
+        "out of reach": (np.tile([0, -0.5, 0, 0, 0, 0], (60, 1)), 1e-4, 5e-5),
+    }
+
+
+@pytest.mark.parametrize("name", list(_motions()))
+def test_it_moves_as_minks_quadratic_program_does(kinematics, name: str) -> None:
+    twists, tolerance_rad, tolerance_m = _motions()[name]
+    home = get_robot("ur5e").home_qpos
+    qs, qds = follow(servo(kinematics), home, twists)
+    expected = mink_commands(kinematics, home, twists, PERIODS_S, SPEED_LIMIT)
+    np.testing.assert_allclose(qs, expected, atol=tolerance_rad)
+    points, expected_points = (np.array([kinematics.forward(q)[:3, 3] for q in each]) for each in (qs, expected))
+    assert np.linalg.norm(points - expected_points, axis=1).max() < tolerance_m
+    # Not by standing still.
+    assert np.abs(qds).max() > 0.1
