@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Annotated
 
 import tyro
@@ -14,8 +15,9 @@ from simpick.experiments.config import RunConfig
 class Benchmark:
     """Measure the simulator's speed on this machine.
 
-    The table gives speed relative to real time, images per second and the share of time outside MuJoCo. With --envs it
-    gives episodes per hour of vectorised environments instead.
+    The table gives speed relative to real time and the share of time outside MuJoCo; control steps and images per
+    second beside their limits, what MuJoCo's own calls in the same run would allow alone. With --envs it gives episodes
+    per hour of vectorised environments instead.
     """
 
     config: tyro.conf.OmitArgPrefixes[RunConfig] = field(
@@ -24,11 +26,18 @@ class Benchmark:
     """What to run, by default without perception; every episode is timed."""
     envs: Annotated[tuple[int, ...], tyro.conf.arg(help_behavior_hint="(default: no vectorised environments)")] = ()
     """Numbers of vectorised environments to compare, such as 1 2 4; each runs about --episodes episodes."""
+    out: Annotated[Path | None, tyro.conf.arg(metavar="FILE.json", help_behavior_hint="(default: not written)")] = None
+    """File for all figures, with the versions of what was measured."""
 
     def run(self) -> int:
         """Measure and print a table."""
         if self.envs:
             return self._compare_envs()
+        import json
+        import os
+        from importlib.metadata import version
+
+        from simpick.caching import atomic_write_text
         from simpick.experiments.speed import measure_simulator
         from simpick.terminal import Console, narrow_table, working
 
@@ -45,9 +54,24 @@ class Benchmark:
             "share of time in rendering": f"{figures.render_s / figures.wall_s:.0%}",
             "share of time outside MuJoCo": f"{1 - (figures.physics_s + figures.render_s) / figures.wall_s:.0%}",
         }
-        rows |= {f"{name}": f"{fps:.0f} images/s" for name, fps in figures.images_per_s.items()}
         title = f"{self.config.count} parts, {self.config.gripper}"
-        Console().print(narrow_table("measure", "value", title=title, rows=rows.items()))
+        console = Console()
+        console.print(narrow_table("measure", "value", title=title, rows=rows.items()))
+        speeds = {"control steps of BinServo-v0": figures.servo} | {
+            f"images, {name}": speed for name, speed in figures.images_per_s.items()
+        }
+        limits = [
+            (name, f"{speed.per_s:,.0f}", f"{speed.limit_per_s:,.0f}", f"{speed.share:.0%}")
+            for name, speed in speeds.items()
+        ]
+        console.print(
+            narrow_table("measure", "per second", "limit", "share", title="MuJoCo's own calls alone", rows=limits)
+        )
+        if self.out is not None:
+            versions = {name: version(name) for name in ("simpick", "mujoco", "gymnasium", "numpy")}
+            content = asdict(figures) | {"versions": versions, "processor_cores": os.cpu_count()}
+            atomic_write_text(self.out, json.dumps(content, indent=2) + "\n")
+            console.print_line(f"figures: {self.out}")
         return 0
 
     def _compare_envs(self) -> int:

@@ -9,8 +9,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import mujoco
+import numpy as np
 
 from simpick.envs.bin_pick import BinPickEnv
+from simpick.envs.bin_servo import BinServoEnv
 from simpick.experiments.config import RunConfig
 from simpick.experiments.episodes import make_env, make_policy, run_configured_episode
 from simpick.rendering.scene_renderer import SceneRenderer
@@ -18,6 +20,20 @@ from simpick.rendering.scene_renderer import SceneRenderer
 PHYSICS = ("mj_step", "mj_forward", "mj_kinematics", "mj_camlight", "mj_collision")
 RENDERING = ("mjr_render", "mjr_readPixels", "mjv_updateScene", "mjr_uploadTexture", "MjrContext")
 IMAGES_TIMED = 20
+SERVO_TICKS = 200
+
+
+@dataclass(frozen=True)
+class Speed:
+    """How often something happens in a second, and how often it would if nothing but MuJoCo's own calls took time."""
+
+    per_s: float
+    limit_per_s: float
+
+    @property
+    def share(self) -> float:
+        """Return the share of the limit."""
+        return self.per_s / self.limit_per_s
 
 
 @dataclass(frozen=True)
@@ -36,8 +52,10 @@ class SimulatorSpeed:
     """Spent in MuJoCo's physics functions."""
     render_s: float
     """Spent in MuJoCo's rendering functions."""
-    images_per_s: dict[str, float]
-    """Per camera: with depth and instances, and colour alone."""
+    images_per_s: dict[str, Speed]
+    """Per camera: with depth and instances, and colour alone. The limit is ``mjr_render`` with ``mjr_readPixels``."""
+    servo: Speed
+    """Control steps of ``BinServo-v0`` without images, with random actions. The limit is ``mj_step``."""
 
 
 @contextmanager
@@ -94,19 +112,46 @@ def measure_simulator(config: RunConfig) -> SimulatorSpeed:
     finally:
         env.close()
     return SimulatorSpeed(
-        attempts, simulated_s, wall_s, reset_s / config.episodes, steps, physics_s, render_s, images_per_s
+        attempts,
+        simulated_s,
+        wall_s,
+        reset_s / config.episodes,
+        steps,
+        physics_s,
+        render_s,
+        images_per_s,
+        measure_servo(config),
     )
 
 
-def _images_per_s(env: BinPickEnv) -> dict[str, float]:
+def measure_servo(config: RunConfig, ticks: int = SERVO_TICKS) -> Speed:
+    """Return how many control steps a second an arm makes that moves at random over a bin of `config`."""
+    env = BinServoEnv(config.parts, config.count, config.gripper, images=())
+    rng = np.random.default_rng(0)
+    try:
+        env.reset(seed=config.seed)
+        env.step(np.zeros(7))
+        with timed_functions(("mj_step",)) as physics:
+            start = time.perf_counter()
+            for _ in range(ticks):
+                env.step(rng.uniform(-0.5, 0.5, 7))
+            wall_s = time.perf_counter() - start
+            return Speed(ticks / wall_s, ticks / physics())
+    finally:
+        env.close()
+
+
+def _images_per_s(env: BinPickEnv) -> dict[str, Speed]:
     env.reset(seed=0)
     with SceneRenderer(env.scene) as renderer:
         rates = {}
         for camera in env.scene.cameras:
             for name, depth in ((f"{camera} colour", False), (f"{camera} colour, depth, instances", True)):
                 renderer.capture(camera, depth=depth, instances=depth)
-                start = time.perf_counter()
-                for _ in range(IMAGES_TIMED):
-                    renderer.capture(camera, depth=depth, instances=depth)
-                rates[name] = IMAGES_TIMED / (time.perf_counter() - start)
+                with timed_functions(("mjr_render", "mjr_readPixels")) as rendering:
+                    start = time.perf_counter()
+                    for _ in range(IMAGES_TIMED):
+                        renderer.capture(camera, depth=depth, instances=depth)
+                    wall_s = time.perf_counter() - start
+                    rates[name] = Speed(IMAGES_TIMED / wall_s, IMAGES_TIMED / rendering())
     return rates
