@@ -41,17 +41,18 @@ def test_weights_that_ship_are_among_them() -> None:
 def test_other_weights_are_refused_and_results_stay(shipped: Path, tmp_path: Path) -> None:
     folder = tmp_path / "out"
     result = EpisodeResult(0, 0, (), (), "cleared", mode="fine")
-    ResultStore(folder, provenance("retrieval", "fine")).add(result)
+    ResultStore(folder, provenance("oracle", "retrieval", "fine")).add(result)
     before = {file.name: file.read_bytes() for file in folder.glob("[!.]*")}
-    assert ResultStore(folder, provenance("retrieval", "fine")).results == (result,)
+    assert ResultStore(folder, provenance("oracle", "retrieval", "fine")).results == (result,)
     (shipped / "raypose.safetensors").write_bytes(b"trained longer")
     with pytest.raises(
         OutputError,
-        match=r"weights or data of mode fine, raypose\.safetensors \('\w{16}' there, '\w{16}' now\)\. They are "
-        r"left as they are\. Choose another folder with --out, or --overwrite",
+        # The learned detector, which both modes use, depends on the weights too.
+        match=r"weights or data of mode fine, raypose\.safetensors \('\w{16}' there, '\w{16}' now\), weights or data of "
+        r"mode retrieval, raypose\.safetensors \('\w{16}' there, '\w{16}' now\)\. They are left as they are\. Choose another folder with --out, or --overwrite",
     ) as refusal:
-        ResultStore(folder, provenance("retrieval", "fine"))
-    assert "retrieval" not in str(refusal.value)
+        ResultStore(folder, provenance("oracle", "retrieval", "fine"))
+    assert "oracle" not in str(refusal.value)
     assert {file.name: file.read_bytes() for file in folder.glob("[!.]*")} == before
 
 
