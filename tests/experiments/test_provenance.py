@@ -48,8 +48,9 @@ def test_other_weights_are_refused_and_results_stay(shipped: Path, tmp_path: Pat
     with pytest.raises(
         OutputError,
         # The learned detector, which both modes use, depends on the weights too.
-        match=r"weights or data of mode fine, raypose\.safetensors \('\w{16}' there, '\w{16}' now\), weights or data of "
-        r"mode retrieval, raypose\.safetensors \('\w{16}' there, '\w{16}' now\)\. They are left as they are\. Choose another folder with --out, or --overwrite",
+        match=r"weights or data of mode fine, raypose\.safetensors \('\w{16}' there, '\w{16}' now\), weights or data "
+        r"of mode retrieval, raypose\.safetensors \('\w{16}' there, '\w{16}' now\)\. They are left as they are\. "
+        r"Choose another folder with --out, or --overwrite",
     ) as refusal:
         ResultStore(folder, provenance("oracle", "retrieval", "fine"))
     assert "oracle" not in str(refusal.value)
