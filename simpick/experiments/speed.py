@@ -124,7 +124,7 @@ def measure_simulator(config: RunConfig) -> SimulatorSpeed:
     )
 
 
-def measure_servo(config: RunConfig, ticks: int = SERVO_TICKS) -> Speed:
+def measure_servo(config: RunConfig) -> Speed:
     """Return how many control steps a second an arm makes that moves at random over a bin of `config`."""
     env = BinServoEnv(config.parts, config.count, config.gripper, images=())
     rng = np.random.default_rng(0)
@@ -133,10 +133,11 @@ def measure_servo(config: RunConfig, ticks: int = SERVO_TICKS) -> Speed:
         env.step(np.zeros(7))
         with timed_functions(("mj_step",)) as physics:
             start = time.perf_counter()
-            for _ in range(ticks):
-                env.step(rng.uniform(-0.5, 0.5, 7))
-            wall_s = time.perf_counter() - start
-            return Speed(ticks / wall_s, ticks / physics())
+            ticks, ended = 0, False
+            while ticks < SERVO_TICKS and not ended:
+                _, _, terminated, truncated, _ = env.step(rng.uniform(-0.5, 0.5, 7))
+                ticks, ended = ticks + 1, terminated or truncated
+            return Speed(ticks / (time.perf_counter() - start), ticks / physics())
     finally:
         env.close()
 
