@@ -69,7 +69,7 @@ def test_the_policy_acts_on_the_image_alone(env: BinPickEnv, observation: dict, 
 def test_permuted_ids_and_another_depth_change_nothing_in_a_whole_comparison(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    config = CompareConfig(modes=("retrieval",), parts=("pipe_tee",), count=2, episodes=1, seed=1)
+    config = CompareConfig(modes=("refined",), parts=("pipe_tee",), count=2, episodes=1, seed=1)
     before = [result.to_json(timings=False) for result in compare(config, tmp_path / "before").results]
     assert before[0]["picks"]
     capture, captured = BinEnv.capture, []
