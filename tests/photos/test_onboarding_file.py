@@ -16,6 +16,7 @@ from simpick.errors import ArrayFileError, ConfigError
 from simpick.geometry import Pinhole, so3_exp, transform
 from simpick.photos import load_onboarding, save_onboarding
 from simpick.rendering import PartRenderer
+from tests.runtime_types import unchecked
 
 CAMERA = Pinhole(160, 120, 240.0, 240.0, 80.5, 60.5)
 ELSEWHERE = """
@@ -80,3 +81,15 @@ def test_files_that_do_not_fit_are_refused(file: Path, tmp_path: Path) -> None:
         load_onboarding(other)
     with pytest.raises(ConfigError, match=r"must end in \.simpick"):
         save_onboarding(tmp_path / "tee.npz", get_part("pipe_tee"), [])
+
+
+@pytest.mark.parametrize(
+    "name", ["mesh/vertices", "mesh/faces", "collision_0/vertices", "discrete", "axes", "T_cad_part"]
+)
+def test_arrays_that_are_no_numbers_of_their_shape_are_refused(file: Path, tmp_path: Path, name: str) -> None:
+    arrays = read_arrays(file)
+    with unchecked():
+        for wrong in (np.full(arrays[name].shape, "x"), np.array(["x"]), arrays[name] + 1j, arrays[name][..., None]):
+            write_arrays(tmp_path / "tee.simpick", arrays | {name: wrong})
+            with pytest.raises(ArrayFileError, match=f"tee.simpick: the part in it is damaged .{name} must be"):
+                load_onboarding(tmp_path / "tee.simpick")
