@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 
-def normal_forces(data: mujoco.MjData) -> Float[np.ndarray, "contacts"]:
-    """Return the normal force (N) in every contact; 0 where surfaces are near but do not touch."""
+def normal_forces(
+    data: mujoco.MjData, contacts: Int[np.ndarray, "contacts"] | slice = slice(None)
+) -> Float[np.ndarray, "contacts"]:
+    """Return the normal force (N) in these contacts, by default all; 0 where surfaces are near but do not touch."""
     # With elliptic cones the first row of a contact's constraint is its normal direction.
-    rows = data.contact.efc_address
+    rows = data.contact.efc_address[contacts]
     forces = np.zeros(len(rows))
     active = rows >= 0
     forces[active] = data.efc_force[rows[active]]

@@ -25,7 +25,7 @@ def observation_from_frame(
     padded[: len(instance_parts)] = instance_parts
     return {
         "rgb": frame.rgb.copy(),
-        "depth": np.where(frame.depth_m <= FAR_M, frame.depth_m, 0.0).astype(np.float32),
+        "depth": np.where(frame.depth_m <= FAR_M, frame.depth_m, np.float32(0.0)).astype(np.float32, copy=False),
         "segmentation": (frame.instances + 1).astype(np.uint8),
         "instance_parts": padded,
         "camera_matrix": frame.camera.K,
@@ -43,5 +43,5 @@ def frame_from_observation(observation: Mapping[str, Any]) -> CameraFrame:
         camera=Pinhole.from_K(rgb.shape[1], rgb.shape[0], K),
         T_world_camera=observation["T_world_camera"],
         depth_m=observation["depth"],
-        instances=observation["segmentation"].astype(np.int32) - 1,
+        instances=np.subtract(observation["segmentation"], 1, dtype=np.int32),
     )

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 MAX_DISTANCE_M = 100.0
 """Poses farther from the camera than this are errors of the estimator."""
+_IDENTITY = np.eye(3)
+_LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 def without_truth(frame: CameraFrame) -> CameraFrame:
@@ -194,10 +196,10 @@ def _problem_of_pose(T: object) -> str:
         return f"an array of shape {T.shape}"
     if not np.isfinite(T).all():
         return "NaN or infinity"
-    if not np.allclose(T[3], [0, 0, 0, 1], atol=1e-6):
+    if np.abs(T[3] - _LAST_ROW).max() > 1e-5:
         return f"the last row {T[3].tolist()}"
     R = T[:3, :3]
-    if not np.allclose(R @ R.T, np.eye(3), atol=1e-3) or np.linalg.det(R) < 0:
+    if np.abs(R @ R.T - _IDENTITY).max() > 1e-3 or np.linalg.det(R) < 0:
         return "a matrix that is no rotation: scaled, sheared or mirrored"
     distance_m = float(np.linalg.norm(T[:3, 3]))
     return f"a part {distance_m:.3g} m away" if distance_m > MAX_DISTANCE_M else ""

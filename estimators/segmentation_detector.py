@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Int
 
 from simpick.assets.part import Part
 from simpick.errors import ConfigError
@@ -70,7 +70,7 @@ class SegmentationDetector:
             covers = {k: (k,) for k in found}
         else:
             covers = miss_and_merge(frame.instances, np.array(found, np.int64), self.noise, self._rng)
-        masks = {k: np.isin(frame.instances, covered) for k, covered in covers.items()}
+        masks = {k: _mask_of(frame.instances, covered) for k, covered in covers.items()}
         detections = [self._detection(names[k], k, mask, int(visible_px.max())) for k, mask in masks.items()]
         return sorted((d for d in detections if d is not None), key=lambda d: (-d.score, d.instance))
 
@@ -85,5 +85,14 @@ class SegmentationDetector:
         box = box_of_mask(mask)
         if self._rng is not None:
             box = jittered_box(box, self.noise.box_jitter, self._rng, width, height)
-        score = min(float(mask.sum()) / largest_px, 1.0)
+        score = min(np.count_nonzero(mask) / largest_px, 1.0)
         return Detection(part, box, mask if self.noise.masks else None, score, instance)
+
+
+def _mask_of(instances: Int[np.ndarray, "height width"], covered: Sequence[int]) -> Bool[np.ndarray, "height width"]:
+    """Return the pixels of these instances, of which there is at least one."""
+    first, *merged = covered
+    mask = instances == first
+    for instance in merged:
+        mask |= instances == instance
+    return mask

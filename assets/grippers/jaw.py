@@ -10,7 +10,6 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from simpick.assets.contact_forces import normal_forces
 from simpick.assets.grippers.base import GRIPPER_PREFIX, GripperBoxes, GripperSensor, GripperServo, parent_body
 from simpick.assets.grippers.hold_test import HoldTest
 from simpick.assets.grippers.jaw_shape import (
@@ -140,16 +139,18 @@ class JawGripper:
         A body that presses on both pads is held. Where there is none, but each pad has a body, those in the row
         between them are.
         """
-        left, right = (self._pressing(model, data, name) for name in self.contact_geoms)
+        # A loop over lists: few contacts are awake while a part is carried, and arrays of a dozen cost more.
+        addresses, forces = data.contact.efc_address.tolist(), data.efc_force
+        pressing: dict[int, set[int]] = {
+            mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name): set() for name in self.contact_geoms
+        }
+        for (first, second), address in zip(data.contact.geom.tolist(), addresses, strict=True):
+            if (first in pressing or second in pressing) and address >= 0 and forces[address] > 0:
+                for pad, other in ((first, second), (second, first)):
+                    if pad in pressing:
+                        pressing[pad].add(other)
+        left, right = (_movable_bodies(model, geoms) for geoms in pressing.values())
         return tuple(sorted((left & right) or (left | right if left and right else ())))
-
-    def _pressing(self, model: mujoco.MjModel, data: mujoco.MjData, pad_name: str) -> set[int]:
-        """Return the movable bodies that press on a pad."""
-        pad, pairs = model.geom(pad_name).id, data.contact.geom
-        touching = np.flatnonzero((pairs == pad).any(axis=1))
-        touching = touching[normal_forces(data)[touching] > 0]
-        bodies = model.geom_bodyid[pairs[touching][pairs[touching] != pad]]
-        return {int(body) for body in bodies if model.body_weldid[body] != 0}
 
     def empty_cause(self, model: mujoco.MjModel, data: mujoco.MjData) -> str:
         """Return how far the fingers closed."""
@@ -157,6 +158,11 @@ class JawGripper:
         if opening_mm < 0.5:
             return f"fingers closed to {max(opening_mm, 0.0):.1f} mm at stage grip: nothing between the pads"
         return f"fingers stopped at {opening_mm:.1f} mm at stage grip, but no part lay between both pads"
+
+
+def _movable_bodies(model: mujoco.MjModel, geoms: set[int]) -> set[int]:
+    bodies = {int(model.geom_bodyid[geom]) for geom in geoms}
+    return {body for body in bodies if model.body_weldid[body] != 0}
 
 
 def _actuator(model: mujoco.MjModel) -> int:

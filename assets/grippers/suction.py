@@ -202,17 +202,15 @@ class SuctionGripper:
         cells = {geom: k for k, geom in enumerate(self._cells(model))}
         approach = data.body(f"{GRIPPER_PREFIX}head").xmat.reshape(3, 3)[:, 2]
         covered: dict[int, set[int]] = {}
-        for contact in range(data.ncon):
-            first, second = (int(g) for g in data.contact.geom[contact])
-            if abs(data.contact.frame[contact][:3] @ approach) < _COVERED_COSINE:
-                continue
+        facing = np.abs(data.contact.frame[:, :3] @ approach) >= _COVERED_COSINE
+        for first, second in data.contact.geom[facing].tolist():
             for cell, other in ((first, second), (second, first)):
                 if cell in cells:
                     covered.setdefault(int(model.geom_bodyid[other]), set()).add(cells[cell])
         return covered
 
     def _cells(self, model: mujoco.MjModel) -> list[int]:
-        return [model.geom(name).id for name in self.contact_geoms]
+        return [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name) for name in self.contact_geoms]
 
 
 def _cylinder(

@@ -15,6 +15,7 @@ from annotated_types import Interval, MinLen
 from jaxtyping import Float
 
 from simpick.assets.grippers import get_gripper
+from simpick.assets.grippers.base import GripperBoxes
 from simpick.assets.grippers.sampling.boxes import box_surface_points, points_in_boxes, swept_back
 from simpick.assets.part import Part
 from simpick.config import Config, Fraction, NonNegativeFloat, PositiveFloat, PositiveInt
@@ -28,6 +29,7 @@ from simpick.scene.config import BinConfig
 from simpick.scene.workspace import bin_interior
 
 _SURFACE_POINTS = 700
+_SPARSE = 8
 
 
 @dataclass(frozen=True)
@@ -231,6 +233,7 @@ class GraspPlanner:
         near, doubtful = (
             points[np.linalg.norm(points - target.origin_m, axis=-1) < 0.3] for points in (others, doubtful)
         )
+        sparse = np.ascontiguousarray(near[::_SPARSE])
         clearances = config.side_clearances_m if self.gripper.max_opening_m > 0 else (0.0,)
         free: list[WorldGrasp] = []
         brushing: list[WorldGrasp] = []
@@ -238,11 +241,16 @@ class GraspPlanner:
             why = Rejection.BIN
             for choice, clearance in enumerate(clearances):
                 opening = min(grasp.width_m + 2 * clearance, self.gripper.max_opening_m)
-                T_world_tcp, back_m = self._off_the_floor(T, opening)
-                if back_m > config.most_back_off_m or not self._clears_bin(T_world_tcp, opening):
+                boxes = self.gripper.boxes(opening)
+                edges = box_surface_points(boxes)
+                T_world_tcp, back_m = self._off_the_floor(T, edges)
+                if back_m > config.most_back_off_m or not self._clears_bin(T_world_tcp, edges):
                     continue
                 why = Rejection.PARTS
-                touched = self._touched(T_world_tcp, opening, near)
+                # Most grasps that are in the way of other parts already show it by one point in eight.
+                if self._touched(T_world_tcp, opening, boxes, sparse) > config.most_points_touched:
+                    continue
+                touched = self._touched(T_world_tcp, opening, boxes, near)
                 if touched > config.most_points_touched:
                     continue
                 why = None
@@ -274,7 +282,7 @@ class GraspPlanner:
         return max(self.config.unexplained_factor, float(np.exp(-met / self.config.unexplained_points)))
 
     def _off_the_floor(
-        self, T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float
+        self, T_world_tcp: Float[np.ndarray, "4 4"], edges: Float[np.ndarray, "n 3"]
     ) -> tuple[Float[np.ndarray, "4 4"], float]:
         """Return the grasp drawn back along its approach until the fingertips clear the floor, and by how much (m).
 
@@ -282,44 +290,45 @@ class GraspPlanner:
         """
         if self.gripper.press_m > 0:
             return T_world_tcp, 0.0
-        lowest_m = float(transform_points(T_world_tcp, box_surface_points(self.gripper.boxes(opening_m)))[:, 2].min())
+        lowest_m = float(transform_points(T_world_tcp, edges)[:, 2].min())
         missing_m = max(0.0, self.config.floor_clearance_m + 1e-6 - lowest_m)
         back_m = missing_m / max(-float(T_world_tcp[2, 2]), 1e-3)
         drawn_back = T_world_tcp.copy()
         drawn_back[:3, 3] -= back_m * T_world_tcp[:3, 2]
         return drawn_back, back_m
 
-    def _clears_bin(self, T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float) -> bool:
+    def _clears_bin(self, T_world_tcp: Float[np.ndarray, "4 4"], edges: Float[np.ndarray, "n 3"]) -> bool:
         """Return whether the open gripper and its straight approach keep clear of the bin's walls and floor."""
-        boxes = self.gripper.boxes(opening_m)
         config = self.config
-        body = transform_points(T_world_tcp, box_surface_points(boxes))
+        body = transform_points(T_world_tcp, edges)
         if body[:, 2].min() < 0.0:
             return False
-        for back in (0.0, 0.5 * config.approach_m, config.approach_m):
-            points = body - back * T_world_tcp[:3, 2]
-            low = points[points[:, 2] < self._upper[2] + config.wall_clearance_m, :2]
-            inside = (low > self._lower[:2] + config.wall_clearance_m) & (
-                low < self._upper[:2] - config.wall_clearance_m
-            )
-            if not inside.all():
-                return False
-        return True
+        back_m = np.array([0.0, 0.5 * config.approach_m, config.approach_m])
+        x, y, z = (body[:, k] - back_m[:, None] * T_world_tcp[k, 2] for k in range(3))
+        (left, front, _), (right, rear, _) = (
+            self._lower + config.wall_clearance_m,
+            self._upper - config.wall_clearance_m,
+        )
+        inside = (x > left) & (x < right) & (y > front) & (y < rear)
+        return bool((inside | (z >= self._upper[2] + config.wall_clearance_m)).all())
 
     def _touched(
-        self, T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float, obstacles: Float[np.ndarray, "n 3"]
+        self,
+        T_world_tcp: Float[np.ndarray, "4 4"],
+        opening_m: float,
+        boxes: GripperBoxes,
+        obstacles: Float[np.ndarray, "n 3"],
     ) -> int:
         """Return how many points on other parts lie in the way of the open gripper and its straight approach.
 
         A point that the closing gripper would take along counts as one too many.
         """
         config = self.config
-        boxes = self.gripper.boxes(opening_m)
         points = (obstacles - T_world_tcp[:3, 3]) @ T_world_tcp[:3, :3]
         # A quick test first: most points lie below the fingertips or far to the side.
         lowest, widest = boxes[..., 2].max() + config.part_clearance_m, np.abs(boxes[..., :2]).max()
-        beside = np.abs(points[:, :2]).max(axis=1) < widest + config.part_clearance_m
-        points = points[(points[:, 2] < lowest) & beside]
+        x, y, z = np.abs(points[:, 0]), np.abs(points[:, 1]), points[:, 2]
+        points = points[(z < lowest) & (np.maximum(x, y) < widest + config.part_clearance_m)]
         touched = int(points_in_boxes(points, swept_back(boxes, config.approach_m), config.part_clearance_m).sum())
         if points_in_boxes(points, self.gripper.grip_boxes(opening_m)).any():
             return config.most_points_touched + 1

@@ -16,7 +16,7 @@ from simpick.geometry import rotation_angle
 from simpick.motion.config import MotionConfig
 from simpick.motion.monitor import Monitor, Obstruction
 from simpick.motion.planner import NoPlan, PickPlan, PickPlanner
-from simpick.motion.trajectory import Trajectory
+from simpick.motion.trajectory import Trajectory, period_ends
 from simpick.motion.verdict import Evidence, judge
 from simpick.records import PickOutcome, PickResult
 from simpick.scene import Scene
@@ -153,7 +153,7 @@ class PickExecutor:
         corrected = self.planner.plan(T_world_tcp, opening_m)
         if isinstance(corrected, NoPlan):
             return plan
-        q_above, _ = corrected.descent.state(0.0)
+        q_above = corrected.descent.states([0.0])[0][0]
         if self.planner.collision.path_contact(np.stack([self._q, q_above])) is not None:
             return plan
         if np.abs(self._q - q_above).max() > 1e-6 and self._run(self.planner.segment(self._q, q_above)) is not None:
@@ -233,10 +233,8 @@ class PickExecutor:
     def _probe(self, probe: Trajectory) -> Obstruction | None:
         """Go on slowly until the suction face holds a part, then stop; to find none is no obstruction."""
         model, data = self.scene.model, self.scene.data
-        t, seated = 0.0, 0
-        while t < probe.duration_s and seated < _SEATED_TICKS:
-            t += self._period_s
-            q, qd = probe.state(t)
+        seated = 0
+        for q, qd in zip(*probe.states(period_ends(probe.duration_s, self._period_s)), strict=True):
             self._tick(q, qd)
             blocked = self._monitor.obstruction(data.qpos[self._adr], q, holding=False)
             if blocked is not None:
@@ -245,6 +243,8 @@ class PickExecutor:
             if seated == 0 and self._monitor.part_force_n > 0:
                 self._gripper.grip(model, data)
             seated = seated + 1 if self._monitor.held() else 0
+            if seated == _SEATED_TICKS:
+                break
         self._dwell(0.05)
         return None
 
@@ -260,10 +260,7 @@ class PickExecutor:
 
         While `carrying`, a lost part is noted with its place; the motion continues.
         """
-        t = 0.0
-        while t < trajectory.duration_s:
-            t += self._period_s
-            q, qd = trajectory.state(t)
+        for q, qd in zip(*trajectory.states(period_ends(trajectory.duration_s, self._period_s)), strict=True):
             self._tick(q, qd)
             if watch:
                 blocked = self._monitor.obstruction(self.scene.data.qpos[self._adr], q, holding=carrying)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, UInt8
 
 from simpick.assets.contact_forces import normal_forces
 from simpick.motion.collision import describe_geom
@@ -13,6 +13,12 @@ from simpick.motion.config import MotionConfig
 from simpick.scene import ContactGroup, Scene
 
 _LOST_TICKS = 4
+_ROBOT, _FIXED, _PART, _PAD = 1, 2, 4, 8
+"""Bits that say what a geom is."""
+_KIND_OF_GROUP = np.zeros(len(ContactGroup), np.uint8)
+_KIND_OF_GROUP[[ContactGroup.ARM, ContactGroup.GRIPPER]] = _ROBOT
+_KIND_OF_GROUP[[ContactGroup.TABLE, ContactGroup.BIN, ContactGroup.CHUTE]] = _FIXED
+_KIND_OF_GROUP[ContactGroup.PART] = _PART
 
 
 @dataclass(frozen=True)
@@ -29,13 +35,9 @@ class Monitor:
     def __init__(self, scene: Scene, config: MotionConfig) -> None:
         assert scene.gripper is not None
         self._scene, self._config, self._gripper = scene, config, scene.gripper
-        groups = scene.group_of_geom
-        self._is_robot = (groups == ContactGroup.ARM) | (groups == ContactGroup.GRIPPER)
-        self._is_fixed = np.isin(groups, [ContactGroup.TABLE, ContactGroup.BIN, ContactGroup.CHUTE])
-        self._is_part = groups == ContactGroup.PART
-        self._pads = np.array([scene.model.geom(name).id for name in scene.gripper.contact_geoms])
-        self._is_pad = np.zeros(scene.model.ngeom, bool)
-        self._is_pad[self._pads] = True
+        self._pads = [scene.model.geom(name).id for name in scene.gripper.contact_geoms]
+        self._kinds = np.take(_KIND_OF_GROUP, scene.group_of_geom)
+        self._kinds[self._pads] |= _PAD
         self._instance_of_body = {i.body_id: i.instance for i in scene.instances}
         self._part_dofs = np.array([i.dof_adr for i in scene.instances])[:, None] + np.arange(6)
         self._radii_m = np.array([i.part.diameter_m / 2 for i in scene.instances])
@@ -55,26 +57,39 @@ class Monitor:
         if data.ncon == 0:
             return
         geoms = data.contact.geom
-        selected = self._robot_contacts(geoms)
+        selected, kinds = self._robot_contacts(geoms)
         if len(selected) == 0:
             return
-        pairs, forces = geoms[selected], normal_forces(data)[selected]
-        on_fixed = self._is_fixed[pairs].any(axis=1)
-        if on_fixed.any():
-            k = int(np.argmax(np.where(on_fixed, forces, -1.0)))
-            self.fixed_force_n = float(forces[k])
-            self._fixed_pair = tuple(sorted((int(g) for g in pairs[k]), key=lambda g: bool(self._is_fixed[g])))
-        on_part = self._is_part[pairs].any(axis=1)
-        self.part_force_n = float(forces[on_part].max(initial=0.0))
-        on_pad = self._is_pad[pairs].any(axis=1)
-        if on_pad.any():
-            for pad in self._pads:
-                pressing = (pairs == pad).any(axis=1) & (forces > 0)
-                self.peak_force_n = max(self.peak_force_n, float(forces[pressing].sum()))
+        # A loop, for these are a dozen contacts: arrays cost more.
+        fixed_n, fixed, part_n = -1.0, None, 0.0
+        on_pads: dict[int, list[float]] = {pad: [] for pad in self._pads}
+        forces = normal_forces(data, selected).tolist()
+        for (first, second), kind, force in zip(geoms[selected].tolist(), kinds.tolist(), forces, strict=True):
+            if kind & _FIXED and force > fixed_n:
+                fixed_n, fixed = force, (first, second)
+            if kind & _PART and force > part_n:
+                part_n = force
+            if kind & _PAD and force > 0:
+                for geom in (first, second):
+                    if geom in on_pads:
+                        on_pads[geom].append(force)
+        self.part_force_n = part_n
+        if fixed is not None:
+            self.fixed_force_n = fixed_n
+            self._fixed_pair = fixed if self._kinds[fixed[1]] & _FIXED else fixed[::-1]
+        for pressing in on_pads.values():
+            if pressing:
+                self.peak_force_n = max(self.peak_force_n, float(np.add.reduce(np.array(pressing))))
 
-    def _robot_contacts(self, geoms: Int[np.ndarray, "contacts 2"]) -> Int[np.ndarray, "selected"]:
-        """Return which contacts join arm or gripper with anything."""
-        return np.flatnonzero(np.take(self._is_robot, geoms).any(axis=1))
+    def _robot_contacts(
+        self, geoms: Int[np.ndarray, "contacts 2"]
+    ) -> tuple[Int[np.ndarray, "selected"], UInt8[np.ndarray, "selected"]]:
+        """Return which contacts join arm or gripper with anything, and the kinds of both geoms of each."""
+        # Bits and columns: this is asked in every period, and `any` along rows of two takes several times as long.
+        first, second = self._kinds.take(geoms).T
+        kinds = first | second
+        selected = np.flatnonzero(kinds & _ROBOT)
+        return selected, kinds[selected]
 
     def obstruction(self, q: np.ndarray, q_commanded: np.ndarray, holding: bool) -> Obstruction | None:
         """Return what stops the arm now, or None; while `holding`, force on parts is the grip's own."""
@@ -84,10 +99,11 @@ class Monitor:
             return Obstruction(f"{first} pressed on {second} with {self.fixed_force_n:.0f} N")
         if not holding and self.part_force_n > config.blocked_force_n:
             return Obstruction(f"parts resisted with {self.part_force_n:.0f} N")
-        lag = np.abs(q - q_commanded)
-        if lag.max() > config.stall_rad:
-            joint = int(np.argmax(lag))
-            return Obstruction(f"joint {joint + 1} lagged its command by {np.rad2deg(lag[joint]):.1f} deg")
+        lag = q - q_commanded
+        # No joint lags by more than the norm of all.
+        if lag.dot(lag) > config.stall_rad**2 and np.abs(lag).max() > config.stall_rad:
+            joint = int(np.argmax(np.abs(lag)))
+            return Obstruction(f"joint {joint + 1} lagged its command by {np.rad2deg(abs(lag[joint])):.1f} deg")
         return None
 
     def held(self) -> tuple[int, ...]:
@@ -101,7 +117,7 @@ class Monitor:
         if data.ncon == 0:
             return ()
         geoms = data.contact.geom
-        selected = self._robot_contacts(geoms)
+        selected, _ = self._robot_contacts(geoms)
         if len(selected) == 0:
             return ()
         pairs = geoms[selected]

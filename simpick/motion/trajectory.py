@@ -7,7 +7,9 @@ is 15/8 and its peak acceleration 10/sqrt(3) (Lynch and Park, "Modern Robotics",
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -30,9 +32,32 @@ class Trajectory(Protocol):
         """Return the time from start to end."""
         ...
 
-    def state(self, t_s: float) -> tuple[Float[np.ndarray, "joints"], Float[np.ndarray, "joints"]]:
-        """Return position (rad) and speed (rad/s) at a time, clamped to the ends."""
+    def states(
+        self, times_s: Sequence[float]
+    ) -> tuple[Float[np.ndarray, "times joints"], Float[np.ndarray, "times joints"]]:
+        """Return positions (rad) and speeds (rad/s) at these times, clamped to the ends."""
         ...
+
+
+def period_ends(duration_s: float, period_s: float) -> list[float]:
+    """Return the ends of the control periods that cover a motion: the last is the first at or after its end."""
+    times_s, t = [], 0.0
+    while t < duration_s:
+        t += period_s
+        times_s.append(t)
+    return times_s
+
+
+def _scaled(times_s: Sequence[float], duration_s: float) -> Float[np.ndarray, "3 times 1"]:
+    """Return s, ds/dt and whether the motion has not ended yet, at these times."""
+    rows = []
+    for t in times_s:
+        if t < duration_s:
+            s, ds, _ = quintic(max(t, 0.0) / duration_s)
+            rows.append((s, ds / duration_s, 1.0))
+        else:
+            rows.append((1.0, 0.0, 0.0))
+    return np.array(rows).reshape(-1, 3).T[..., None]
 
 
 def quintic(u: float) -> tuple[float, float, float]:
@@ -40,6 +65,13 @@ def quintic(u: float) -> tuple[float, float, float]:
     s = u**3 * (10 + u * (-15 + 6 * u))
     ds = 30 * u**2 * (1 - u) ** 2
     dds = 60 * u * (1 - u) * (1 - 2 * u)
+    return s, ds, dds
+
+
+@cache
+def _samples() -> tuple[Float[np.ndarray, "u"], Float[np.ndarray, "u"], Float[np.ndarray, "u"]]:
+    """Return s and its derivatives at evenly spaced u."""
+    s, ds, dds = (np.array(column) for column in zip(*map(quintic, np.linspace(0, 1, _SAMPLES)), strict=True))
     return s, ds, dds
 
 
@@ -65,13 +97,13 @@ class JointSegment:
         )
         return JointSegment(np.array(q_start, float), np.array(q_end, float), duration)
 
-    def state(self, t_s: float) -> tuple[Float[np.ndarray, "joints"], Float[np.ndarray, "joints"]]:
-        """Return position (rad) and speed (rad/s) at a time, clamped to the ends."""
-        if t_s >= self.duration_s:
-            return self.q_end.copy(), np.zeros_like(self.q_end)
-        s, ds, _ = quintic(max(t_s, 0.0) / self.duration_s)
+    def states(
+        self, times_s: Sequence[float]
+    ) -> tuple[Float[np.ndarray, "times joints"], Float[np.ndarray, "times joints"]]:
+        """Return positions (rad) and speeds (rad/s) at these times, clamped to the ends."""
+        s, ds, moving = _scaled(times_s, self.duration_s)
         step = self.q_end - self.q_start
-        return self.q_start + s * step, ds / self.duration_s * step
+        return np.where(moving, self.q_start + s * step, self.q_end), moving * (ds * step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,8 +129,7 @@ class PathTrajectory:
         """
         length = float(arc_m[-1])
         spline = CubicSpline(arc_m / length, qs)
-        u = np.linspace(0, 1, _SAMPLES)
-        s, ds, dds = (np.array(column) for column in zip(*map(quintic, u), strict=True))
+        s, ds, dds = _samples()
         slope, curvature = spline(s, 1), spline(s, 2)
         speed = np.abs(slope * ds[:, None]).max()
         acceleration = np.abs(curvature * ds[:, None] ** 2 + slope * dds[:, None]).max()
@@ -111,9 +142,10 @@ class PathTrajectory:
         )
         return PathTrajectory(spline, np.array(qs[-1], float), float(duration))
 
-    def state(self, t_s: float) -> tuple[Float[np.ndarray, "joints"], Float[np.ndarray, "joints"]]:
-        """Return position (rad) and speed (rad/s) at a time, clamped to the ends."""
-        if t_s >= self.duration_s:
-            return self.q_end.copy(), np.zeros_like(self.q_end)
-        s, ds, _ = quintic(max(t_s, 0.0) / self.duration_s)
-        return self.spline(s), ds / self.duration_s * self.spline(s, 1)
+    def states(
+        self, times_s: Sequence[float]
+    ) -> tuple[Float[np.ndarray, "times joints"], Float[np.ndarray, "times joints"]]:
+        """Return positions (rad) and speeds (rad/s) at these times, clamped to the ends."""
+        s, ds, moving = _scaled(times_s, self.duration_s)
+        along = s[:, 0]
+        return np.where(moving, self.spline(along), self.q_end), moving * (ds * self.spline(along, 1))

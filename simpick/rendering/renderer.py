@@ -204,10 +204,10 @@ class Renderer(Closing):
         for geom in self._scene.geoms[: self._scene.ngeom]:
             if geom.segid >= 0 and geom.objtype == _GEOM:
                 drawn[geom.segid + 1] = geom.objid
-        index = colours[..., 0].astype(np.int32)
+        index = colours[..., 0]
         if len(drawn) > 256:
-            index |= colours[..., 1].astype(np.int32) << 8 | colours[..., 2].astype(np.int32) << 16
-        return drawn[index]
+            index = index | colours[..., 1].astype(np.int32) << 8 | colours[..., 2].astype(np.int32) << 16
+        return drawn.take(index)
 
     # -- set-up -------------------------------------------------------------------------------------------------
 

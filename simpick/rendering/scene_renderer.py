@@ -65,7 +65,7 @@ class SceneRenderer(Closing):
         ids = None
         if image.geoms is not None:
             # The last entry is that of geom id -1, the background.
-            ids = np.append(self.scene.instance_of_geom, -1).astype(np.int32)[image.geoms]
+            ids = np.append(self.scene.instance_of_geom, -1).astype(np.int32).take(image.geoms)
         return CameraFrame(colour, pinhole, T_world_camera, image.depth_m, ids)
 
     @property

@@ -1,3 +1,4 @@
+import mink
 import numpy as np
 import pytest
 
@@ -100,3 +101,28 @@ def test_following_a_line_stays_on_it_without_jumps(kinematics):
 def test_a_line_that_turns_the_tool_is_refused():
     with pytest.raises(ValueError, match="must keep its orientation"):
         line(_pose(0.5, 0, 0.1), _pose(0.5, 0, 0.2, yaw=0.1))
+
+
+def test_every_step_is_the_one_that_mink_would_make(kinematics):
+    configuration = mink.Configuration(kinematics.model)
+    task = mink.FrameTask(kinematics.tcp_site, "site", position_cost=1.0, orientation_cost=1.0, lm_damping=1e-4)
+    limits = [mink.ConfigurationLimit(kinematics.model)]
+    rng = np.random.default_rng(3)
+    steps = 0
+    for T_world_tcp in _poses_over_the_bin(20):
+        start = HOME + rng.normal(size=6) * 0.4
+        found = kinematics.converge(T_world_tcp, start)
+        configuration.update(np.clip(start, kinematics.q_lower, kinematics.q_upper))
+        task.set_target(mink.SE3.from_matrix(T_world_tcp))
+        for _ in range(20):
+            error = task.compute_error(configuration)
+            if np.linalg.norm(error[:3]) < 1e-4 and np.linalg.norm(error[3:]) < np.deg2rad(0.05):
+                assert found is not None
+                assert np.array_equal(found, configuration.q)
+                break
+            speed = mink.solve_ik(configuration, [task], 1.0, "daqp", damping=1e-6, limits=limits)
+            configuration.integrate_inplace(speed, 1.0)
+            steps += 1
+        else:
+            assert found is None
+    assert steps > 60

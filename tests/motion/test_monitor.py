@@ -25,7 +25,9 @@ def looked(scene: Scene, monkeypatch, *looks: list[tuple[int, int, float]]) -> M
         pairs = np.array([contact[:2] for contact in contacts], int).reshape(-1, 2)
         data = SimpleNamespace(ncon=len(contacts), contact=SimpleNamespace(geom=pairs))
         monkeypatch.setattr(watching, "_scene", SimpleNamespace(data=data, model=scene.model))
-        monkeypatch.setattr(monitor, "normal_forces", lambda _, c=contacts: np.array([newtons for *_, newtons in c]))
+        monkeypatch.setattr(
+            monitor, "normal_forces", lambda _, k, c=contacts: np.array([newtons for *_, newtons in c])[k]
+        )
         watching.look()
     return watching
 

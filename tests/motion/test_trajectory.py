@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from simpick.motion.trajectory import JointSegment, PathTrajectory, quintic
+from simpick.motion.trajectory import JointSegment, PathTrajectory, period_ends, quintic
 
 angles = st.lists(st.floats(-6.0, 6.0), min_size=6, max_size=6).map(np.array)
 SPEED, ACCELERATION, TCP_SPEED = 2.5, 9.0, 0.5
@@ -11,8 +11,7 @@ SPEED, ACCELERATION, TCP_SPEED = 2.5, 9.0, 0.5
 
 def _sampled(trajectory, n=801):
     t = np.linspace(0, trajectory.duration_s, n)
-    q, qd = (np.array(column) for column in zip(*map(trajectory.state, t), strict=True))
-    return t, q, qd
+    return t, *trajectory.states(t.tolist())
 
 
 @settings(max_examples=40, deadline=None)
@@ -33,7 +32,7 @@ def test_joint_segment_keeps_limits_and_meets_one_of_them(start, end):
 def test_joint_segment_starts_and_ends_exactly_and_at_rest(start, end):
     segment = JointSegment.within(start, end, SPEED, ACCELERATION)
     for t, wanted in ((0.0, start), (segment.duration_s, end), (segment.duration_s + 1.0, end)):
-        q, qd = segment.state(t)
+        (q,), (qd,) = segment.states([t])
         if segment.duration_s > 0:
             assert np.array_equal(q, wanted)
         assert np.abs(qd).max() == 0
@@ -64,10 +63,9 @@ def test_path_runs_through_its_points_and_ends_at_rest(seed):
     _, q, _ = _sampled(path, 4001)
     for wanted in qs:
         assert np.abs(q - wanted).max(axis=1).min() < 5e-3
-    q_end, qd_end = path.state(path.duration_s)
+    (q_start, q_end), (qd_start, qd_end) = path.states([0.0, path.duration_s])
     assert np.array_equal(q_end, qs[-1])
     assert not qd_end.any()
-    q_start, qd_start = path.state(0.0)
     assert np.allclose(q_start, qs[0], atol=1e-12)
     assert not qd_start.any()
 
@@ -79,10 +77,23 @@ def test_speed_is_the_derivative_of_position():
         JointSegment.within(qs[0], qs[7], SPEED, ACCELERATION),
     ):
         t = 0.37 * trajectory.duration_s
-        numeric = (trajectory.state(t + 1e-5)[0] - trajectory.state(t - 1e-5)[0]) / 2e-5
-        assert np.allclose(trajectory.state(t)[1], numeric, atol=1e-5)
+        (before, _, after), (_, speed, _) = trajectory.states([t - 1e-5, t, t + 1e-5])
+        assert np.allclose(speed, (after - before) / 2e-5, atol=1e-5)
 
 
 def test_quintic_starts_and_ends_at_rest_without_acceleration():
     assert quintic(0.0) == (0.0, 0.0, 0.0)
     assert quintic(1.0) == (1.0, 0.0, 0.0)
+
+
+def test_control_periods_cover_the_motion_and_no_more():
+    assert period_ends(0.0, 0.01) == []
+    assert len(period_ends(0.035, 0.01)) == 4
+    assert 0.03 < period_ends(0.03, 0.01)[-1] + 1e-9 < 0.03 + 1e-6
+
+
+def test_a_motion_of_no_length_has_its_end_at_any_time():
+    here = JointSegment.within(np.ones(6), np.ones(6), SPEED, ACCELERATION)
+    q, qd = here.states([0.0, 1.0])
+    assert np.array_equal(q, np.ones((2, 6)))
+    assert not qd.any()

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
+from functools import lru_cache
+
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from simpick.assets.grippers.base import GripperBoxes
 
@@ -13,7 +16,7 @@ def points_in_boxes(
 ) -> Bool[np.ndarray, "*batch n"]:
     """Return which points lie in any of the boxes, grown by `margin_m`, all in the boxes' frame."""
     inside = np.zeros(points.shape[:-1], bool)
-    x, y, z = np.moveaxis(points, -1, 0)
+    x, y, z = np.ascontiguousarray(np.moveaxis(points, -1, 0))
     for lower, upper in boxes:
         lo, hi = lower - margin_m, upper + margin_m
         inside |= (x > lo[0]) & (x < hi[0]) & (y > lo[1]) & (y < hi[1]) & (z > lo[2]) & (z < hi[2])
@@ -29,14 +32,20 @@ def swept_back(boxes: GripperBoxes, distance_m: float) -> GripperBoxes:
 
 def box_surface_points(boxes: GripperBoxes, spacing_m: float = 0.012) -> Float[np.ndarray, "n 3"]:
     """Return points along the long edges (z) of the boxes, dense enough to notice a thin wall between corners."""
-    found = []
-    for lower, upper in boxes:
-        steps = max(2, int(np.ceil((upper[2] - lower[2]) / spacing_m)) + 1)
-        z = np.linspace(lower[2], upper[2], steps)
-        # Filled in place: the planner calls this tens of thousands of times per episode.
-        edges = np.empty((2, 2, steps, 3))
-        edges[:, :, :, 0] = np.array([lower[0], upper[0]])[:, None, None]
-        edges[:, :, :, 1] = np.array([lower[1], upper[1]])[:, None]
-        edges[:, :, :, 2] = z
-        found.append(edges.reshape(-1, 3))
-    return np.concatenate(found)
+    # The planner asks thousands of times per pick, for boxes that differ across the approach alone.
+    pick_x, pick_y, z = _edges(boxes[:, :, 2].tobytes(), spacing_m)
+    corners = boxes.ravel()
+    return np.stack([corners[pick_x], corners[pick_y], z], axis=1)
+
+
+@lru_cache(maxsize=64)
+def _edges(ends: bytes, spacing_m: float) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "n"], Float[np.ndarray, "n"]]:
+    """Return where x and y of each point stand among the flattened boxes with these ends in z, and its z."""
+    pick_x, pick_y, zs = [], [], []
+    for box, (lower, upper) in enumerate(np.frombuffer(ends).reshape(-1, 2)):
+        steps = max(2, int(np.ceil((upper - lower) / spacing_m)) + 1)
+        for x, y in itertools.product((6 * box, 6 * box + 3), (6 * box + 1, 6 * box + 4)):
+            pick_x += [x] * steps
+            pick_y += [y] * steps
+            zs.append(np.linspace(lower, upper, steps))
+    return np.array(pick_x), np.array(pick_y), np.concatenate(zs)
