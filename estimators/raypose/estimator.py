@@ -24,7 +24,8 @@ from simpick.estimators.raypose.estimator_config import RayPoseEstimatorConfig
 from simpick.estimators.raypose.network.model import RayPose
 from simpick.estimators.raypose.network.tokens import QueryTokens
 from simpick.estimators.raypose.predictor import Predictor
-from simpick.estimators.raypose.template_bank import TemplateBank
+from simpick.estimators.raypose.recent_views import RecentViews
+from simpick.estimators.raypose.template_bank import EncodedView, TemplateBank, ViewKey
 from simpick.estimators.raypose.view_index import ViewIndex, load_view_index
 from simpick.estimators.valid_detections import check_onboarded, valid_detections
 from simpick.geometry import transform
@@ -65,6 +66,7 @@ class RayPoseEstimator:
             raise ConfigError(f"a fine network needs 1 iteration or more, got {self._iterations}")
         self._predictor = Predictor(self.model, self.config.decoder_steps, self.config.seed)
         self._banks: dict[str, TemplateBank] = {}
+        self._recent = RecentViews[ViewKey, EncodedView]()
         self._indices: dict[str, ViewIndex] = {}
 
     def onboard(self, part: Part) -> None:
@@ -74,7 +76,7 @@ class RayPoseEstimator:
         known = self._banks.get(part.name)
         if known is None or known.part.content_hash != part.content_hash:
             templates = load_templates(part)
-            bank = TemplateBank(self.model, part, templates)
+            bank = TemplateBank(self.model, part, templates, self._recent)
             if self.start is None:
                 with torch.inference_mode():
                     bank.over_sphere()

@@ -17,6 +17,7 @@ from simpick.estimators.raypose.network.flow import FlowCells
 from simpick.estimators.raypose.network.model import RayPose
 from simpick.estimators.raypose.network.pose_maps import ViewPoses
 from simpick.estimators.raypose.network.tokens import TemplateTokens
+from simpick.estimators.raypose.recent_views import RecentViews
 from simpick.geometry import invert
 from simpick.rendering import TemplateSet
 from simpick.tensor_record import TensorRecord
@@ -24,12 +25,12 @@ from simpick.tensor_record import TensorRecord
 TURNS = 12
 """Turns of each view about the optical axis that templates around a pose are chosen from."""
 _ENCODED_AT_ONCE = 64
-_KEPT = 600
-"""Slots kept per part, those used last: some 85 MB with `small`."""
+ViewKey = tuple[str, int, int]
+"""Content hash of the part, number of the view, number of the turn."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Slot(TensorRecord):
+class EncodedView(TensorRecord):
     """Views in one turn each; leading dimensions are free: none for one view."""
 
     tokens: Float[Tensor, "*batch tokens width"]
@@ -45,10 +46,17 @@ class _Slot(TensorRecord):
 class TemplateBank:
     """The encoded templates of one part for one network."""
 
-    def __init__(self, model: RayPose, part: Part, templates: TemplateSet) -> None:
+    def __init__(
+        self,
+        model: RayPose,
+        part: Part,
+        templates: TemplateSet,
+        recent: RecentViews[ViewKey, EncodedView] | None = None,
+    ) -> None:
+        """Banks of one network may share the memory for views that were used last."""
         self._model, self.part, self._templates = model, part, templates
         self._images = TemplateImages.of(templates)
-        self._slots: dict[tuple[int, int], _Slot] = {}
+        self._recent = RecentViews[ViewKey, EncodedView]() if recent is None else recent
         self._sphere: TemplateTokens | None = None
 
     @property
@@ -60,7 +68,7 @@ class TemplateBank:
         """Return the fixed set of coarse templates, fused: the same for every query, so made once."""
         if self._sphere is None:
             views = spread_over_sphere(self.Rs_view_part, self._model.config.templates)
-            slots = _Slot.stack(self._encoded([(int(view), 0) for view in views]))
+            slots = EncodedView.stack(self._encoded([(int(view), 0) for view in views]))
             self._sphere = self._model.fuse(self._templates_of(self._posed(slots, slots.Ts_crop_part[0]), sets=1))
         return self._sphere
 
@@ -72,27 +80,23 @@ class TemplateBank:
         chosen = [choose_around(self.Rs_view_part, T[:3, :3], config.templates, TURNS) for T in Ts_crop_part]
         keys = [(int(v), int(t)) for views, turns in chosen for v, t in zip(views, turns, strict=True)]
         count = len(keys) // len(chosen)
-        slots = self._posed(_Slot.stack(self._encoded(keys)), np.repeat(Ts_crop_part, count, axis=0))
+        slots = self._posed(EncodedView.stack(self._encoded(keys)), np.repeat(Ts_crop_part, count, axis=0))
         return self._templates_of(slots, sets=len(chosen))
 
-    def _encoded(self, keys: list[tuple[int, int]]) -> list[_Slot]:
-        missing = [key for key in dict.fromkeys(keys) if key not in self._slots]
-        for start in range(0, len(missing), _ENCODED_AT_ONCE):
-            self._encode(missing[start : start + _ENCODED_AT_ONCE])
-        for key in keys:
-            self._slots[key] = self._slots.pop(key)  # The last used come last.
-        slots = [self._slots[key] for key in keys]
-        for key in list(self._slots)[: max(0, len(self._slots) - _KEPT)]:
-            del self._slots[key]
-        return slots
+    def _encoded(self, keys: list[tuple[int, int]]) -> list[EncodedView]:
+        return self._recent.get([(self.part.content_hash, *key) for key in keys], self._make)
 
-    def _encode(self, keys: list[tuple[int, int]]) -> None:
-        views: Int[np.ndarray, "n"] = np.array([view for view, _ in keys])
-        angles = 2 * np.pi * np.array([turn for _, turn in keys]) / TURNS
+    def _make(self, keys: list[ViewKey]) -> list[EncodedView]:
+        starts = range(0, len(keys), _ENCODED_AT_ONCE)
+        return [view for start in starts for view in self._encode(keys[start : start + _ENCODED_AT_ONCE])]
+
+    def _encode(self, keys: list[ViewKey]) -> list[EncodedView]:
+        views: Int[np.ndarray, "n"] = np.array([view for _, view, _ in keys])
+        angles = 2 * np.pi * np.array([turn for *_, turn in keys]) / TURNS
         aimed = aim_at_templates(self._templates, views, angles, self._model.config)
         crops = crop_templates(self._images, aimed, self._model.config)
         encoded = self._model.encode_templates(collate([crops], [self.part.diameter_m]))
-        slots = _Slot(
+        slots = EncodedView(
             encoded.tokens[0],
             encoded.descriptors[0],
             encoded.points[0],
@@ -103,9 +107,9 @@ class TemplateBank:
             crops.Ts_crop_part,
         )
         # Copies, so that a slot does not keep those that were encoded with it.
-        self._slots.update((key, slots.rows(k).map(Tensor.clone)) for k, key in enumerate(keys))
+        return [slots.rows(k).map(Tensor.clone) for k in range(len(keys))]
 
-    def _posed(self, slots: _Slot, T_reference: Float[np.ndarray, "*#batch 4 4"]) -> _Slot:
+    def _posed(self, slots: EncodedView, T_reference: Float[np.ndarray, "*#batch 4 4"]) -> EncodedView:
         """Return the slots with those of their equivalent poses that are rotated least against their reference."""
         if self.part.symmetries.is_trivial:
             return slots
@@ -116,7 +120,7 @@ class TemplateBank:
         flow = replace(slots.flow, points=move_points(slots.flow.points, slots.flow.coverage, Ts_new_old))
         return replace(slots, points=points, flow=flow, Ts_crop_part=Ts)
 
-    def _templates_of(self, slots: _Slot, sets: int) -> TemplateTokens:
+    def _templates_of(self, slots: EncodedView, sets: int) -> TemplateTokens:
         """Return the slots as equally large sets, one set after the other."""
         slots = slots.split_rows(sets)
         return TemplateTokens(

@@ -11,8 +11,8 @@ from tests.project.source_imports import ROOT, source_files
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 # Distributions whose name is not that of their module.
 DISTRIBUTIONS = {"cv2": "opencv-python-headless", "rerun": "rerun-sdk", "yaml": "pyyaml"}
-# Not imported by simpick: the solver that mink is asked to use, and what trimesh needs for graphs and closest points.
-INDIRECT = {"daqp", "networkx", "rtree"}
+# Not imported by simpick: what trimesh needs for graphs and closest points.
+INDIRECT = {"networkx", "rtree"}
 # Only looked for: timm imports it, and is made to work without it where it is broken.
 NOT_NEEDED = {"torchvision"}
 

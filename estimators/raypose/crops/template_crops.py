@@ -32,9 +32,9 @@ class TemplateImages(TensorRecord):
 
     @staticmethod
     def of(templates: TemplateSet) -> TemplateImages:
-        """Return the images of a template set, on the CPU."""
-        rgb = torch.tensor(templates.rgb).permute(0, 3, 1, 2)
-        masks, depth_m = torch.tensor(templates.masks), torch.tensor(templates.depth_m)
+        """Return the images of a template set, on the CPU, in the same memory."""
+        rgb = torch.from_numpy(templates.rgb).permute(0, 3, 1, 2)
+        masks, depth_m = torch.from_numpy(templates.masks), torch.from_numpy(templates.depth_m)
         return TemplateImages(rgb, masks, depth_m, templates.camera.fx)
 
 

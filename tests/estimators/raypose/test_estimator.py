@@ -16,8 +16,8 @@ from simpick.estimators.raypose import (
     RayPoseEstimatorConfig,
     load_raypose,
     save_checkpoint,
-    template_bank,
 )
+from simpick.estimators.raypose.recent_views import RecentViews
 from simpick.estimators.raypose.template_bank import TemplateBank
 from simpick.geometry import so3_exp, transform
 from simpick.records import CameraFrame, Detection, PoseEstimate, PoseHypothesis
@@ -239,14 +239,15 @@ def test_settings_out_of_range_are_refused():
         RayPoseEstimatorConfig(hypotheses=65)
 
 
-def test_a_bank_that_keeps_few_templates_gives_the_same_ones(crank, monkeypatch):
+def test_a_bank_that_keeps_few_templates_gives_the_same_ones(crank):
     Ts = [transform(so3_exp(np.array([0.0, 0.4 * k, 0.3 * k])), np.array([0.0, 0.0, 0.5])) for k in range(6)]
     model, templates = tiny().eval(), load_templates(crank)
-    everything = TemplateBank(model, crank, templates)
+    all_views, few_views = RecentViews(), RecentViews(max_bytes=0)
+    everything = TemplateBank(model, crank, templates, all_views)
     with torch.inference_mode():
         expected = [everything.around(T[None]).descriptors for T in Ts]
-        monkeypatch.setattr(template_bank, "_KEPT", 10)
-        few = TemplateBank(model, crank, templates)
+        few_views.max_bytes = 10 * all_views.bytes // len(all_views)
+        few = TemplateBank(model, crank, templates, few_views)
         for T, descriptors in zip(Ts * 2, expected * 2, strict=True):
             torch.testing.assert_close(few.around(T[None]).descriptors, descriptors, atol=1e-4, rtol=0)
-            assert len(few._slots) <= 10 < len(everything._slots)
+            assert len(few_views) <= 10 < len(all_views)
