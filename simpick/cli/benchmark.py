@@ -16,7 +16,8 @@ class Benchmark:
     """Measure the simulator's speed on this machine.
 
     The table gives speed relative to real time and the share of time outside MuJoCo; control steps and images per
-    second beside their limits, what MuJoCo's own calls in the same run would allow alone. With --envs it gives episodes
+    second beside their limits, what MuJoCo's own calls in the same run would allow alone; and, where they are
+    installed, the same of environments of other packages. With --envs it gives episodes
     per hour of vectorised environments instead.
     """
 
@@ -28,6 +29,11 @@ class Benchmark:
     """Numbers of vectorised environments to compare, such as 1 2 4; each runs about --episodes episodes."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE.json", help_behavior_hint="(default: not written)")] = None
     """File for all figures, with the versions of what was measured."""
+    peer_python: Annotated[
+        Path | None, tyro.conf.arg(metavar="PYTHON", help_behavior_hint="(default: the one that runs simpick)")
+    ] = None
+    """Python of the environment in which gymnasium-robotics and robosuite are installed, which need other versions of
+    MuJoCo."""
 
     def run(self) -> int:
         """Measure and print a table."""
@@ -38,11 +44,13 @@ class Benchmark:
         from importlib.metadata import version
 
         from simpick.caching import atomic_write_text
-        from simpick.experiments.speed import measure_simulator
+        from simpick.experiments.peer_speed import measure_peers
+        from simpick.experiments.speed import Speed, measure_simulator
         from simpick.terminal import Console, narrow_table, working
 
         with working("picking, rendering and timing"):
             figures = measure_simulator(self.config)
+            peers = measure_peers(self.peer_python)
         rows = {
             "attempts": f"{figures.attempts}",
             "simulated time": f"{figures.simulated_s:.1f} s",
@@ -60,6 +68,9 @@ class Benchmark:
         speeds = {"control steps of BinServo-v0": figures.servo} | {
             f"images, {name}": speed for name, speed in figures.images_per_s.items()
         }
+        for peer in peers:
+            if peer.per_s is not None and peer.limit_per_s is not None:
+                speeds[f"control steps of {peer.environment}, {peer.package}"] = Speed(peer.per_s, peer.limit_per_s)
         limits = [
             (name, f"{speed.per_s:,.0f}", f"{speed.limit_per_s:,.0f}", f"{speed.share:.0%}")
             for name, speed in speeds.items()
@@ -67,9 +78,13 @@ class Benchmark:
         console.print(
             narrow_table("measure", "per second", "limit", "share", title="MuJoCo's own calls alone", rows=limits)
         )
+        for peer in peers:
+            if peer.missing is not None:
+                console.print_line(f"{peer.environment}, {peer.package}: {peer.missing}")
         if self.out is not None:
             versions = {name: version(name) for name in ("simpick", "mujoco", "gymnasium", "numpy")}
-            content = asdict(figures) | {"versions": versions, "processor_cores": os.cpu_count()}
+            content = asdict(figures) | {"peers": [asdict(peer) for peer in peers]}
+            content |= {"versions": versions, "processor_cores": os.cpu_count()}
             atomic_write_text(self.out, json.dumps(content, indent=2) + "\n")
             console.print_line(f"figures: {self.out}")
         return 0
