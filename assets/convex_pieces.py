@@ -21,7 +21,7 @@ _CACHE_VERSION = 4
 def convex_pieces(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, ...]:
     """Return convex pieces whose union approximates the watertight mesh (`simpick.assets.plane_cuts`).
 
-    One hull where the mesh fills 97 % of it. Deterministic; takes up to about 15 s of one core the first time and is
+    One hull where the mesh fills 97 % of it. Deterministic; takes up to about 6 s of one core the first time and is
     cached under ``<cache>/convex_pieces``. Raises `MeshError` if the mesh encloses no solid.
     """
     key = cache_key(

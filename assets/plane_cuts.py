@@ -17,6 +17,7 @@ from jaxtyping import Float
 from manifold3d import Manifold
 
 from simpick.assets.csg import to_trimesh
+from simpick.assets.cut_estimates import cut_costs
 
 FEW_PIECES = 16
 """Pieces are merged down to this number while the excess stays below `LARGEST_EXCESS`."""
@@ -28,11 +29,14 @@ LARGEST_EXCESS = 0.10
 """Excess over the volume up to which pieces are merged to `FEW_PIECES`."""
 
 _MOST_WORK = 6_000_000
-"""Sum over the planes tried of the piece's faces + `_WORK_PER_PLANE`: 10 s to 15 s of one core. A count, not a clock:
+"""Sum over the candidate planes of the piece's faces + `_WORK_PER_PLANE`: 4 s to 6 s of one core. A count, not a clock:
 pieces must not depend on the machine's load."""
 _WORK_PER_PLANE = 300
 _MOST_HULLS = 4 * MOST_PIECES
 """More hulls than this are joined by place before pairs are compared, whose number grows with the square."""
+_TRIED_PLANES = 12
+_ESTIMATE_ERROR = 1e-3
+"""At least this many planes are cut exactly, and all whose estimated cost is within this share of the least."""
 _CRUMB = 1e-4
 _CONCAVE_EDGES = 24
 _LEAST_ANGLE_RAD = 0.05
@@ -87,15 +91,19 @@ def _pieces(solid: Manifold, volume: float) -> list[_Piece]:
 
 
 def _best_cut(piece: _Piece, planes: list[tuple[float, float, float, float]], volume: float) -> list[_Piece]:
-    """Return the pieces of the best plane's cut; none if no plane helps."""
+    """Return the pieces of the best plane's cut; none if no plane helps. Estimates choose the planes that are tried."""
+    price = 0.002 * volume**1.5
+    costs = cut_costs(to_trimesh(piece.solid), np.array(planes), crumb=_CRUMB * volume, price=price)
+    limit = max(np.sort(costs)[:_TRIED_PLANES][-1], (1 + _ESTIMATE_ERROR) * costs.min())
     best, least = [], 0.999 * piece.cost
+    planes = [plane for plane, cost in zip(planes, costs, strict=True) if cost <= limit]
     for x, y, z, offset in planes:
         halves = piece.solid.split_by_plane((x, y, z), offset)
         if min(half.volume() for half in halves) < _CRUMB * volume:
             continue
         parts = [_Piece(body) for half in halves for body in half.decompose() if body.volume() > 0.1 * _CRUMB * volume]
         # Each piece more has its price, or noise in the excess would buy crumbs.
-        cost = sum(part.cost for part in parts) + 0.002 * (len(parts) - 2) * volume**1.5
+        cost = sum(part.cost for part in parts) + price * (len(parts) - 2)
         if cost < least:
             best, least = parts, cost
     return best
@@ -119,6 +127,7 @@ def _candidate_planes(solid: Manifold) -> list[tuple[float, float, float, float]
         rows.append(_plane(axis, centre))
     rows += [_plane(np.roll([1.0, sign, 0.0], k), centre) for k in range(3) for sign in (1.0, -1.0)]
     planes = np.stack(rows)
+    planes = planes[np.isfinite(planes).all(axis=1)]
     # The same plane, but for its sign and for what no hull would show, is tried once.
     planes *= np.sign(planes[np.arange(len(planes)), np.abs(planes[:, :3]).argmax(axis=1)])[:, None]
     grid = np.array([0.02, 0.02, 0.02, 0.01 * float((high - low).max())])
