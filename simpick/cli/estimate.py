@@ -67,7 +67,10 @@ class Estimate(Config):
 
     def _check_rules(self) -> None:
         if len(self.camera) not in (1, 4):
-            raise ConfigError(f"camera must be a file or four numbers FX FY CX CY, got {' '.join(self.camera)!r}")
+            raise ConfigError(
+                f"camera must be a file or four numbers FX FY CX CY, got {' '.join(self.camera)!r}; give the camera "
+                "matrix in pixels (FX, FY on its diagonal, CX, CY in its last column), or a calibration file"
+            )
         if self.boxes and self.detections not in ("learned", "boxes"):
             raise ConfigError(f"boxes are detections already; leave out --detections {self.detections}")
         if self.detections == "boxes" and not self.boxes:

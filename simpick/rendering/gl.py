@@ -25,6 +25,7 @@ _INSTALL = (
     "Install one and run again: sudo apt-get install -y libegl1 libgl1-mesa-dri (EGL), "
     "or sudo apt-get install -y libosmesa6 (OSMesa)."
 )
+_WITHOUT = "Photographs of parts saved by simpick parts onboard need none: MUJOCO_GL=disabled simpick estimate ..."
 _EGL_PLATFORM_DEVICE_EXT = 0x313F
 
 _selected: str | None = None
@@ -113,7 +114,9 @@ def make_gl_context(width: int, height: int) -> Any:
             raise OSError("it made no window, which needs a display; without one, unset MUJOCO_GL")
     # The back ends raise the errors of their libraries: ImportError, OSError, AttributeError, RuntimeError, GLError.
     except Exception as error:
-        raise RenderingUnavailableError(f"OpenGL through {backend} does not work here: {error}. {_INSTALL}") from error
+        raise RenderingUnavailableError(
+            f"OpenGL through {backend} does not work here: {str(error).rstrip('.')}. {_INSTALL} {_WITHOUT}"
+        ) from error
     _first_context_pid = os.getpid()
     # The renderer frees the context itself, after what lives in it; a collector that came first would leak that.
     type(context).__del__ = lambda self: None

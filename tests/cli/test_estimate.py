@@ -89,7 +89,7 @@ def test_a_part_of_which_nothing_is_seen_says_so_and_rivals_are_shown(folder: Pa
 @pytest.mark.parametrize(
     ("options", "problem"),
     [
-        (["--camera", "1", "2", "--part", "hex_bolt"], "camera must be a file or four numbers FX FY CX CY, got '1 2'"),
+        (["--camera", "1", "2", "--part", "hex_bolt"], "four numbers FX FY CX CY, got '1 2'; give the camera matrix"),
         (["--camera", "a", "2", "3", "4", "--part", "hex_bolt"], "must be four numbers FX FY CX CY, got 'a 2 3 4'"),
         (["--camera", *NUMBERS, "--part", "hex_bolt", "--detections", "boxes"], "must come with --boxes X1 Y1 X2 Y2"),
         (["--camera", *NUMBERS, "--part", "hex_bolt", "--boxes", "1", "2", "3"], "four numbers each, got 3 numbers"),
