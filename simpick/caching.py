@@ -105,6 +105,19 @@ def _array(name: str, content: bytes) -> np.ndarray:
     return np.frombuffer(content, np.uint8)
 
 
+def numbers(arrays: Mapping[str, np.ndarray], name: str, kinds: str, *shape: int | None) -> np.ndarray:
+    """Return an array if it has one of these kinds (numpy's letters), this shape (None: any size) and finite values.
+
+    Raises `ValueError` where it does not.
+    """
+    values = arrays[name]
+    fits = values.ndim == len(shape) and all(n in (None, size) for n, size in zip(shape, values.shape, strict=True))
+    if not fits or values.dtype.kind not in kinds or not np.isfinite(values).all():
+        wanted = " x ".join("n" if n is None else str(n) for n in shape)
+        raise ValueError(f"{name} must be {wanted} finite numbers, has shape {values.shape} of {values.dtype}")
+    return values
+
+
 def stored_arrays(path: Path, names: Iterable[str]) -> dict[str, np.ndarray] | None:
     """Return a file's arrays, or None where it is missing, damaged or lacks one of `names`.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import astuple
 from pathlib import Path
 
@@ -11,9 +12,11 @@ from jaxtyping import Float
 import simpick.assets
 from simpick.assets.grippers import get_gripper
 from simpick.assets.part import Part
-from simpick.caching import cache_dir, cache_key, stored_arrays, write_arrays
+from simpick.caching import cache_dir, cache_key, numbers, stored_arrays, write_arrays
 from simpick.geometry.transforms import matrix_from_quaternion, quaternion_from_matrix, transform
 from simpick.records import Grasp
+
+_LOG = logging.getLogger(__name__)
 
 GRASP_VERSION = 1
 """Raise it when grippers, sampling or verification change such that stored grasps no longer hold."""
@@ -72,13 +75,26 @@ def save_grasps(path: Path, part: Part, gripper: str, grasps: list[Grasp]) -> No
 
 
 def load_file(path: Path, part: Part, gripper: str) -> list[Grasp] | None:
-    """Return a file's grasps, or None if it is missing, damaged, of another recipe or of another shape."""
+    """Return a file's grasps, or None if it is missing, damaged, of another recipe or of another shape.
+
+    Arrays of other kinds or shapes than grasps have are noted in the log.
+    """
     file = stored_arrays(path, _FIELDS)
     if file is None or str(file["recipe"]) != recipe(gripper):
         return None
-    signature = shape_signature(part)
-    if not (np.abs(file["signature"] - signature) < 1e-3 * np.abs(signature) + 0.01).all():
+    try:
+        signature = numbers(file, "signature", "f", 13)
+        count = len(numbers(file, "width_m", "f", None))
+        position_m, quaternion = numbers(file, "position_m", "f", count, 3), numbers(file, "quaternion", "f", count, 4)
+        quality = numbers(file, "quality", "f", count)
+        if not (np.abs(np.linalg.norm(quaternion, axis=1) - 1) < 1e-3).all():
+            raise ValueError("quaternion must hold rotations, of norm 1")
+    except ValueError as error:
+        _LOG.warning("note: %s holds no grasps (%s); they are made again", path, error)
         return None
-    Ts = transform(matrix_from_quaternion(file["quaternion"]), np.asarray(file["position_m"], float))
-    rows = zip(Ts, file["width_m"], file["quality"], strict=True)
-    return [Grasp(T, float(width), float(quality)) for T, width, quality in rows]
+    own = shape_signature(part)
+    if not (np.abs(signature - own) < 1e-3 * np.abs(own) + 0.01).all():
+        return None
+    Ts = transform(matrix_from_quaternion(quaternion), np.asarray(position_m, float))
+    rows = zip(Ts, file["width_m"], quality, strict=True)
+    return [Grasp(T, float(width), float(score)) for T, width, score in rows]

@@ -22,7 +22,7 @@ import trimesh
 
 from simpick.assets.part import Material, Part
 from simpick.bop.conventions import check_rigid
-from simpick.caching import atomic_write_bytes, cache_dir, files_used, read_arrays, write_arrays
+from simpick.caching import atomic_write_bytes, cache_dir, files_used, numbers, read_arrays, write_arrays
 from simpick.errors import ArrayFileError, ConfigError
 from simpick.estimators.base import Detector, OnboardingDetector, PoseEstimator
 from simpick.estimators.boundary import onboard_part
@@ -134,8 +134,8 @@ def _part_from(arrays: dict[str, np.ndarray]) -> Part:
 
     def mesh(name: str) -> trimesh.Trimesh:
         vertices, faces = (
-            _numbers(arrays, f"{name}/vertices", "f", None, 3),
-            _numbers(arrays, f"{name}/faces", "iu", None, 3),
+            numbers(arrays, f"{name}/vertices", "f", None, 3),
+            numbers(arrays, f"{name}/faces", "iu", None, 3),
         )
         return trimesh.Trimesh(vertices, faces, process=False)
 
@@ -143,31 +143,21 @@ def _part_from(arrays: dict[str, np.ndarray]) -> Part:
     name, metres = fields["name"], fields["metres_per_cad_unit"]
     if not isinstance(name, str) or not 0 < metres < math.inf:
         raise ValueError(f"a part needs a name and a unit, got {name!r} and {metres!r}"[:200])
-    T_cad_part = _numbers(arrays, "T_cad_part", "f", 4, 4)
+    T_cad_part = numbers(arrays, "T_cad_part", "f", 4, 4)
     check_rigid(T_cad_part, name)
 
-    axes = tuple(ContinuousSymmetry.of(row[:3], row[3:]) for row in _numbers(arrays, "axes", "f", None, 6))
+    axes = tuple(ContinuousSymmetry.of(row[:3], row[3:]) for row in numbers(arrays, "axes", "f", None, 6))
     return Part(
         name,
         mesh("mesh"),
         tuple(mesh(f"collision_{k}") for k in range(fields["pieces"])),
-        SymmetryGroup(_numbers(arrays, "discrete", "f", None, 4, 4), axes),
+        SymmetryGroup(numbers(arrays, "discrete", "f", None, 4, 4), axes),
         fields["density_kg_m3"],
         Material((rgb[0], rgb[1], rgb[2]), specular, shininess, reflectance),
         T_cad_part,
         metres,
-        _numbers(arrays, "face_rgb", "u", None, 3) if "face_rgb" in arrays else None,
+        numbers(arrays, "face_rgb", "u", None, 3) if "face_rgb" in arrays else None,
     )
-
-
-def _numbers(arrays: dict[str, np.ndarray], name: str, kinds: str, *shape: int | None) -> np.ndarray:
-    """Return an array if it has one of these kinds (numpy's letters), this shape (None: any size) and finite values."""
-    values = arrays[name]
-    fits = values.ndim == len(shape) and all(n in (None, size) for n, size in zip(shape, values.shape, strict=True))
-    if not fits or values.dtype.kind not in kinds or not np.isfinite(values).all():
-        wanted = " x ".join("n" if n is None else str(n) for n in shape)
-        raise ValueError(f"{name} must be {wanted} finite numbers, has shape {values.shape} of {values.dtype}")
-    return values
 
 
 def _versions() -> dict[str, str]:
