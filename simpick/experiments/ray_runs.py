@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections import deque
 from collections.abc import Iterator, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -47,17 +48,27 @@ def results_from_ray(
         cores = int(ray.cluster_resources().get("CPU", 1))
         actor_class = ray.remote(num_cpus=1, max_restarts=RETRIES, max_task_retries=RETRIES)(EpisodeActor)
         idle = [actor_class.remote() for _ in range(min(cores, len(jobs)))]
-        waiting, running = iter(jobs), {}
-        while True:
-            while idle and (job := next(waiting, None)) is not None:
-                actor = idle.pop()
-                running[actor.run.remote(*job, folder is not None)] = actor, job
-            if not running:
-                return
+        waiting, running = deque((job, 0) for job in jobs), {}
+        while waiting or running:
+            while idle and waiting:
+                actor, (job, losses) = idle.pop(), waiting.popleft()
+                running[actor.run.remote(*job, folder is not None)] = actor, job, losses
             (done,), _ = ray.wait(list(running), num_returns=1)
-            actor, (config, episode) = running.pop(done)
+            actor, (config, episode), losses = running.pop(done)
+            try:
+                result = _received(ray, done, config, episode, folder)
+            except ray.exceptions.RayError as error:
+                if losses == RETRIES:
+                    raise SimpickError(
+                        f"the Ray cluster lost episode {episode} of {config.mode} {RETRIES + 1} times "
+                        f"({type(error).__name__}). What was finished is kept: run the same command again to resume"
+                    ) from error
+                # Ray restarts a process; one whose machine is gone is left out, and replaced where it was the last.
+                waiting.append(((config, episode), losses + 1))
+                idle += [] if idle or running else [actor_class.remote()]
+                continue
             idle.append(actor)
-            yield _received(ray, done, config, episode, folder)
+            yield result
     finally:
         ray.shutdown()
 
@@ -89,12 +100,9 @@ def _received(ray: Any, done: Any, config: RunConfig, episode: int, folder: Path
         result, recording = ray.get(done)
     except ray.exceptions.RayTaskError as error:
         # An error that simpick raised on purpose is complete as it is.
-        raise error.cause if isinstance(error.cause, SimpickError) else error from error
-    except ray.exceptions.RayError as error:
-        raise SimpickError(
-            f"the Ray cluster lost episode {episode} of {config.mode} {RETRIES + 1} times "
-            f"({type(error).__name__}). What was finished is kept: run the same command again to resume"
-        ) from error
+        if isinstance(error.cause, SimpickError):
+            raise error.cause from error
+        raise RuntimeError(f"episode {episode} of {config.mode} failed on the Ray cluster: {error}") from error
     if folder is not None and recording is not None:
         atomic_write_bytes(recording_file(folder, config, episode), recording)
     return result

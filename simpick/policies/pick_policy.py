@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -79,14 +80,18 @@ class PickPolicy:
         """
         self.perception = perception
         self.parts = tuple(parts)
-        self._chooser = GraspChooser(parts, config) if chooser is None else chooser
         self._memory = FailureMemory()
         self._closer = None if look_closer is None else CloserLook(look_closer, perception.detector, parts)
         self._decision: Decision | None = None
         self.closer_view: PoseEstimate | None = None
         self._T_world_closer: Float[np.ndarray, "4 4"] | None = None
         """Estimate of the last `look`, in the wrist camera; None if it found nothing."""
-        perception.onboard(parts)
+        with ThreadPoolExecutor(1) as background:
+            # Sampling grasps occupies one core, and describing templates not much more: together they take less long.
+            # The estimators stay in this thread, for OpenGL contexts belong to the thread that made them.
+            made = background.submit(lambda: chooser or GraspChooser(parts, config))
+            perception.onboard(parts)
+            self._chooser = made.result()
 
     @property
     def decision(self) -> Decision:

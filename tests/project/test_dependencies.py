@@ -13,8 +13,9 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 DISTRIBUTIONS = {"cv2": "opencv-python-headless", "rerun": "rerun-sdk", "yaml": "pyyaml"}
 # Not imported by simpick: what trimesh needs for graphs and closest points.
 INDIRECT = {"networkx", "rtree"}
-# Only looked for: timm imports it, and is made to work without it where it is broken.
-NOT_NEEDED = {"torchvision"}
+# Only looked for: timm imports the first, and is made to work without it where it is broken; `simpick benchmark`
+# measures the others beside simpick, in a process of their own.
+NOT_NEEDED = {"torchvision", "gymnasium_robotics", "robosuite"}
 
 
 def imported(file: Path) -> set[str]:
