@@ -103,8 +103,11 @@ def _draw_label(
     text, scale = f"{estimate.part} {estimate.score:.2f}", 0.45 * thick
     (width, _), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, thick)
     place = int(np.clip(x, 0, max(camera.width - width, 0))), int(np.clip(y + 14 * thick, 12, camera.height - 4))
-    cv2.putText(image, text, place, cv2.FONT_HERSHEY_SIMPLEX, scale, (0, 0, 0), thick + 2, cv2.LINE_AA)
-    cv2.putText(image, text, place, cv2.FONT_HERSHEY_SIMPLEX, scale, colour, thick, cv2.LINE_AA)
+    # Its outline is the text itself, moved: thicker letters are wider in some versions of OpenCV.
+    moves = [(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if (x, y) != (0, 0)]
+    for x, y in [*moves, (0, 0)]:
+        at, shade = (place[0] + x * thick, place[1] + y * thick), colour if (x, y) == (0, 0) else (0, 0, 0)
+        cv2.putText(image, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, shade, thick, cv2.LINE_AA)
 
 
 def _fixed(pixel: Float[np.ndarray, "2"]) -> tuple[int, int]:
