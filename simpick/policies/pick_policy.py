@@ -86,12 +86,16 @@ class PickPolicy:
         self.closer_view: PoseEstimate | None = None
         self._T_world_closer: Float[np.ndarray, "4 4"] | None = None
         """Estimate of the last `look`, in the wrist camera; None if it found nothing."""
-        with ThreadPoolExecutor(1) as background:
-            # Sampling grasps occupies one core, and describing templates not much more: together they take less long.
-            # The estimators stay in this thread, for OpenGL contexts belong to the thread that made them.
-            made = background.submit(lambda: chooser or GraspChooser(parts, config))
+        if chooser is None:
+            with ThreadPoolExecutor(1) as background:
+                # Sampling grasps occupies one core, and describing templates not much more: together they take less
+                # long. The estimators stay in this thread, for OpenGL contexts belong to the thread that made them.
+                made = background.submit(GraspChooser, parts, config)
+                perception.onboard(parts)
+                chooser = made.result()
+        else:
             perception.onboard(parts)
-            self._chooser = made.result()
+        self._chooser = chooser
 
     @property
     def decision(self) -> Decision:
