@@ -92,6 +92,8 @@ def _pieces(solid: Manifold, volume: float) -> list[_Piece]:
 
 def _best_cut(piece: _Piece, planes: list[tuple[float, float, float, float]], volume: float) -> list[_Piece]:
     """Return the pieces of the best plane's cut; none if no plane helps. Estimates choose the planes that are tried."""
+    if not planes:
+        return []
     price = 0.002 * volume**1.5
     costs = cut_costs(to_trimesh(piece.solid), np.array(planes), crumb=_CRUMB * volume, price=price)
     limit = max(np.sort(costs)[:_TRIED_PLANES][-1], (1 + _ESTIMATE_ERROR) * costs.min())
