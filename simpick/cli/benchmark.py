@@ -17,8 +17,8 @@ class Benchmark:
 
     The table gives speed relative to real time and the share of time outside MuJoCo; control steps and images per
     second beside their limits, what MuJoCo's own calls in the same run would allow alone; and, where they are
-    installed, the same of environments of other packages. With --envs it gives episodes
-    per hour of vectorised environments instead.
+    installed, the same of environments of other packages. With --envs it gives episodes per hour of vectorised
+    environments instead.
     """
 
     config: tyro.conf.OmitArgPrefixes[RunConfig] = field(

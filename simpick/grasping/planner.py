@@ -30,6 +30,7 @@ from simpick.scene.workspace import bin_interior
 
 _SURFACE_POINTS = 700
 _SPARSE = 8
+"""Every so many points on other parts are tested first."""
 
 
 @dataclass(frozen=True)

@@ -104,7 +104,7 @@ class Kinematics:
         return None
 
     def _step(self, error: Float[np.ndarray, "6"]) -> Float[np.ndarray, "joints"] | None:
-        """Return what `mink.solve_ik` does with the task and the limits, to the last bit, in a third of its time.
+        """Return what `mink.solve_ik` does with task and limits, to the last bit, in less than half of its time.
 
         mink assembles the program from any tasks and limits, and qpsolvers checks it; here both are always the same.
         None where the program has no solution.

@@ -79,7 +79,7 @@ class Monitor:
             self._fixed_pair = fixed if self._kinds[fixed[1]] & _FIXED else fixed[::-1]
         for pressing in on_pads.values():
             if pressing:
-                self.peak_force_n = max(self.peak_force_n, float(np.add.reduce(np.array(pressing))))
+                self.peak_force_n = max(self.peak_force_n, float(np.sum(pressing)))
 
     def _robot_contacts(
         self, geoms: Int[np.ndarray, "contacts 2"]

@@ -104,9 +104,9 @@ def _draw_label(
     (width, _), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, thick)
     place = int(np.clip(x, 0, max(camera.width - width, 0))), int(np.clip(y + 14 * thick, 12, camera.height - 4))
     # Its outline is the text itself, moved: thicker letters are wider in some versions of OpenCV.
-    moves = [(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if (x, y) != (0, 0)]
-    for x, y in [*moves, (0, 0)]:
-        at, shade = (place[0] + x * thick, place[1] + y * thick), colour if (x, y) == (0, 0) else (0, 0, 0)
+    around = [(right, down) for right in (-thick, 0, thick) for down in (-thick, 0, thick)]
+    for (right, down), shade in [*((move, (0, 0, 0)) for move in around), ((0, 0), colour)]:
+        at = place[0] + right, place[1] + down
         cv2.putText(image, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, shade, thick, cv2.LINE_AA)
 
 

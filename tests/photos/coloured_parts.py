@@ -22,6 +22,8 @@ from simpick.rendering import PartRenderer
 
 PARTS = ("l_bracket", "crane_hook", "pillow_block", "sensor_housing", "clevis_fork")
 CAMERA = Pinhole(320, 240, 480.0, 480.0, 160.0, 120.0)
+CALIBRATION = CAMERA.K - np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])
+"""The camera with integer pixel centres, as photographs come."""
 BANDS = np.array([[200, 40, 40], [40, 60, 200], [230, 220, 60], [30, 30, 30]], np.uint8)
 GREY = np.array([150, 150, 150], np.uint8)
 POSES = 10
@@ -57,8 +59,6 @@ def errors(name: str, folder: Path, *, coloured: bool) -> Float[np.ndarray, "pos
         result.append(min(misses) / part.diameter_m)
     return np.array(result)
 
-
-CALIBRATION = CAMERA.K - np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as name:
