@@ -46,3 +46,8 @@ def test_a_plane_along_a_face_joins_nothing_that_stands_on_it() -> None:
     comb = csg.union(csg.box((0, 0, -4), (50, 10, 0)), *[csg.box((x, 0, -1), (x + 5, 10, 20)) for x in (0, 20, 45)])
     (cost,) = cut_costs(csg.to_trimesh(comb), np.array([[0.0, 0.0, 1.0, 0.0]]), crumb=0.1, price=1.0)
     assert cost == pytest.approx(2.0, abs=1e-3)
+
+
+def test_a_piece_without_candidate_planes_stays_whole() -> None:
+    box = csg.box((0, 0, 0), (1, 2, 3))
+    assert plane_cuts._best_cut(plane_cuts._Piece(box), [], box.volume()) == []
