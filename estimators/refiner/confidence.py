@@ -18,8 +18,8 @@ from simpick.config import from_json, read_json
 from simpick.errors import ConfigError
 
 SHIPPED_FILE = Path(__file__).with_name("confidence.json")
-FEATURES = ("outline_edges", "inner_edges", "predicted_edges", "shading", "mask")
-"""The cues of `simpick.estimators.refiner.evidence`."""
+FEATURES = ("outline_edges", "inner_edges", "predicted_edges", "shading", "mask", "rest")
+"""The cues of `simpick.estimators.refiner.evidence`, and `simpick.estimators.floor.Floor.rest`."""
 GOOD_MM, GOOD_DEG = 5.0, 10.0
 """A pose is good enough below these errors, which the jaw tolerates in nearly all cases (``simpick sweep``)."""
 _GOOD = {"mm": GOOD_MM, "deg": GOOD_DEG}
@@ -50,25 +50,38 @@ class _Stored:
 
 
 def fit_confidence(
-    features: Float[np.ndarray, "n cues"], good: Float[np.ndarray, "n"], *, ridge: float = 1.0
+    features: Float[np.ndarray, "n cues"],
+    good: Float[np.ndarray, "n"],
+    *,
+    ridge: float = 1.0,
+    image_weights_of: Confidence | None = None,
 ) -> Confidence:
     """Return the logistic regression of these outcomes (0 or 1), by Newton's method with L2 regularisation.
+
+    With `image_weights_of`, the weights of all cues but "rest" are its, and only the bias and the weight of "rest" are
+    fitted.
 
     Raises:
         ConfigError: there are fewer than 20 outcomes, or all are the same.
     """
     if len(good) < 20 or good.min() == good.max():
         raise ConfigError(f"a calibration needs 20 poses or more, good and bad ones, got {len(good)}; take more bins")
-    mean, spread = features.mean(axis=0), features.std(axis=0) + 1e-9
-    X = np.column_stack([np.ones(len(good)), (features - mean) / spread])
-    penalty = ridge * np.diag([0.0, *[1.0] * len(FEATURES)])
-    w = np.zeros(1 + len(FEATURES))
+    weights = np.zeros(len(FEATURES)) if image_weights_of is None else np.array(image_weights_of.weights)
+    fitted = [k for k, name in enumerate(FEATURES) if image_weights_of is None or name == "rest"]
+    weights[fitted] = 0.0
+    given = features @ weights
+    mean, spread = features[:, fitted].mean(axis=0), features[:, fitted].std(axis=0) + 1e-9
+    X = np.column_stack([np.ones(len(good)), (features[:, fitted] - mean) / spread])
+    penalty = ridge * np.diag([0.0, *[1.0] * len(fitted)])
+    w = np.zeros(1 + len(fitted))
+    # Newton's method diverges from where all probabilities are near 0 or 1.
+    w[0] = -given.mean()
     for _ in range(50):
-        p = 1 / (1 + np.exp(-X @ w))
+        p = 1 / (1 + np.exp(-(given + X @ w)))
         H = (X * (p * (1 - p))[:, None]).T @ X + penalty
         w -= np.linalg.solve(H, X.T @ (p - good) + penalty @ w)
-    weights = w[1:] / spread
-    return Confidence(float(w[0] - weights @ mean), tuple(float(value) for value in weights))
+    weights[fitted] = w[1:] / spread
+    return Confidence(float(w[0] - weights[fitted] @ mean), tuple(float(value) for value in weights))
 
 
 def read_confidence(file: Path = SHIPPED_FILE) -> Confidence:

@@ -1,4 +1,4 @@
-"""`Refiner`: aligns renderings with the image and ranks poses by the image's evidence. No weights but five of a sum."""
+"""`Refiner`: aligns renderings with the image and ranks poses by the image's evidence. No weights but six of a sum."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int
 from simpick.assets.part import Part
 from simpick.closing import Closing
 from simpick.errors import ConfigError
-from simpick.estimators.floor import Floor
+from simpick.estimators.floor import UNKNOWN_REST, Floor
 from simpick.estimators.pose_selection import best_per_group, distinct_poses
 from simpick.estimators.refiner.confidence import Confidence, read_confidence
 from simpick.estimators.refiner.config import AlignmentLevel, RefinerConfig
@@ -20,6 +20,7 @@ from simpick.estimators.refiner.crop_renderer import CropRenderer, rows_by_part
 from simpick.estimators.refiner.evidence import evidence
 from simpick.estimators.refiner.level_search import LevelSearch
 from simpick.estimators.refiner.levenberg_marquardt import minimise
+from simpick.estimators.refiner.lone_masks import are_alone
 from simpick.estimators.refiner.query_maps import QueryMaps, query_maps
 from simpick.estimators.valid_detections import check_onboarded, detection_mask, has_shape
 from simpick.geometry import box_of_mask, invert
@@ -37,7 +38,7 @@ class Finalist:
 
     T_camera_part: Float[np.ndarray, "4 4"]
     cues: Float[np.ndarray, "cues"]
-    """See `simpick.estimators.refiner.evidence`."""
+    """See `simpick.estimators.refiner.confidence`."""
 
 
 class Refiner(Closing):
@@ -104,6 +105,7 @@ class Refiner(Closing):
             return answers
         parts = [self._parts[detections[k].part] for k in rows]
         floor = Floor.below(frame, parts, [usable[k][0] for k in rows])
+        alone = are_alone([masks[k] for k in rows], list(masks.values()))
         queries = self._queries(frame, [masks[k] for k in rows], list(masks.values()))
         # As many parts together as renderers stay open, so that none is opened again at each level.
         names = list(dict.fromkeys(part.name for part in parts))
@@ -118,7 +120,7 @@ class Refiner(Closing):
                 state = self._at_level(level, query, parts, floor, state.best(level.keep))
                 state = self._distinct(parts, state)
             state = _State.cat([start.best(1), state])
-            cues = self._cues(parts, queries[-1], state)
+            cues = self._cues(parts, queries[-1], floor, alone, state)
             for i in mine:
                 own = np.flatnonzero(state.detection == i)
                 answers[rows[i]] = [Finalist(state.Ts_camera_part[j], cues[j]) for j in own]
@@ -178,13 +180,27 @@ class Refiner(Closing):
             translation_diameters=self.config.merge_diameters,
         )
 
-    def _cues(self, parts: Sequence[Part], query: QueryMaps, state: _State) -> Float[np.ndarray, "n cues"]:
+    def _cues(
+        self,
+        parts: Sequence[Part],
+        query: QueryMaps,
+        floor: Floor | None,
+        alone: Bool[np.ndarray, "detections"],
+        state: _State,
+    ) -> Float[np.ndarray, "n cues"]:
         """Return the evidence for all poses."""
         own, their_parts = query.rows(state.detection), [parts[k] for k in state.detection]
         rendered = self._renderer.maps(their_parts, own.cameras, own.cameras.Ts_crop_camera @ state.Ts_camera_part)
         with torch.inference_mode():
             chunks = np.split(np.arange(len(their_parts)), range(_JUDGED_AT_ONCE, len(their_parts), _JUDGED_AT_ONCE))
-            return torch.cat([evidence(own.rows(c), rendered.rows(c)) for c in chunks]).double().numpy()
+            cues = torch.cat([evidence(own.rows(c), rendered.rows(c)) for c in chunks]).double().numpy()
+        rest = np.full(len(cues), UNKNOWN_REST)
+        if floor is not None:
+            for part, rows in rows_by_part(their_parts):
+                rest[rows] = floor.rest(part, state.Ts_camera_part[rows])
+            # A part among others may lean on them.
+            rest[~alone[state.detection]] = UNKNOWN_REST
+        return np.column_stack([cues, rest])
 
     def _ranked(self, part: Part, finalists: Sequence[Finalist]) -> tuple[PoseHypothesis, ...]:
         """Return the distinct poses, the most probable first."""

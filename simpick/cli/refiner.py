@@ -72,8 +72,10 @@ class RefinerCalibrate(Config):
     """Bins of random parts to fit on, each with its own parts."""
     parts: PositiveInt = 4
     """Kinds of random parts per bin."""
-    count: PositiveInt = 24
-    """Instances per bin."""
+    count: Annotated[tuple[PositiveInt, ...], MinLen(1), tyro.conf.arg(metavar="INT ...")] = (24,)
+    """Instances per bin, in turn; several numbers, so that full and nearly empty bins count."""
+    rest_only: bool = False
+    """Fit only the bias and the weight of resting on the floor; the image's cues keep the weights that are shipped."""
     check_bins: PositiveInt = 10
     """How many bins of the pose benchmark to check on, from the first."""
     out: Path = Path("logs/refiner_calibration")
@@ -85,7 +87,7 @@ class RefinerCalibrate(Config):
         """Fit, check, write."""
         from simpick.estimators.detections import detector_data
         from simpick.estimators.refiner import RefinedEstimator
-        from simpick.estimators.refiner.confidence import fit_confidence
+        from simpick.estimators.refiner.confidence import FEATURES, Confidence, fit_confidence, read_confidence
         from simpick.estimators.registry import load_estimator
         from simpick.pose_eval.benchmark_bins import benchmark_bins, load_view
         from simpick.pose_eval.refiner_calibration import (
@@ -100,13 +102,17 @@ class RefinerCalibrate(Config):
         from simpick.terminal import Console, track, working
 
         check_image(self.out / "reliability.png", overwrite=self.overwrite)
-        # Before any bin is made, so that a wrong name costs no time.
-        estimators = {name: RefinedEstimator(load_estimator(name)) for name in self.starts}
+        # Before any bin is made, so that a wrong name costs no time. The shipped weights may be damaged, or of other
+        # cues: they are what is made again here.
+        shipped = read_confidence() if self.rest_only else None
+        unused = Confidence(0.0, (0.0,) * len(FEATURES))
+        estimators = {name: RefinedEstimator(load_estimator(name), confidence=unused) for name in self.starts}
         for name in self.detections:
             detector_data(name)
         console = Console()
         check = [load_view(bin) for bin in track(benchmark_bins(self.check_bins), "making bins", console=console)]
-        fit = [random_bin(k, self.parts, self.count) for k in track(range(self.bins), "random bins", console=console)]
+        numbers = track(range(self.bins), "random bins", console=console)
+        fit = [random_bin(k, self.parts, self.count[k % len(self.count)]) for k in numbers]
         fitted_on: dict[str, Outcomes] = {}
         held_out: dict[str, Outcomes] = {}
         for name, estimator in estimators.items():
@@ -117,7 +123,7 @@ class RefinerCalibrate(Config):
             finally:
                 estimator.close()
         every = pooled(fitted_on.values())
-        confidence = fit_confidence(every.features, every.good)
+        confidence = fit_confidence(every.features, every.good, image_weights_of=shipped)
         answered = {name: own.best(confidence) for name, own in held_out.items()}
 
         def figures(own: Outcomes) -> dict[str, float]:
@@ -128,9 +134,10 @@ class RefinerCalibrate(Config):
             }
 
         provenance = {
-            "made_by": f"simpick refiner calibrate --bins {self.bins} --parts {self.parts} --count {self.count} "
+            "made_by": f"simpick refiner calibrate --bins {self.bins} --parts {self.parts} "
+            f"--count {' '.join(map(str, self.count))} "
             f"--check-bins {self.check_bins} --detections {shlex.join(self.detections)} "
-            f"--starts {shlex.join(self.starts)}",
+            f"--starts {shlex.join(self.starts)}{' --rest-only' if self.rest_only else ''}",
             "fitted_on": {name: figures(own) for name, own in fitted_on.items()},
             "checked_on_pose_benchmark": {name: figures(own) for name, own in answered.items()},
         }

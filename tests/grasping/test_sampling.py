@@ -1,12 +1,14 @@
 import numpy as np
 import pytest
+import trimesh
 
 from simpick.assets.grippers import JAW_STROKE_M, JawGripper, SuctionGripper
 from simpick.assets.grippers.sampling.boxes import points_in_boxes
 from simpick.assets.grippers.sampling.part_surface import PartSurface
-from simpick.assets.grippers.sampling.resting import resting_floors
+from simpick.assets.grippers.sampling.resting import resting_directions, resting_floors
 from simpick.assets.grippers.sampling.selection import diverse, expanded, pose_distance
 from simpick.assets.library import get_part
+from simpick.assets.part import Part
 from simpick.geometry.symmetry import SymmetryGroup
 from simpick.geometry.transforms import invert, transform, transform_points
 from simpick.grasping import candidate_grasps
@@ -90,6 +92,22 @@ def test_rays_count_every_wall_of_a_tube() -> None:
 def test_a_part_on_two_symmetric_sides_rests_in_one_way() -> None:
     ups = resting_floors(get_part("hex_nut"))[:, :3]
     assert (np.abs(ups[:, 2]) > 0.99).sum() == 1
+
+
+def test_a_plate_comes_to_rest_on_its_faces_first_and_on_its_edges_hardly() -> None:
+    plate = trimesh.creation.box((0.05, 0.04, 0.0005))
+    ups = resting_directions(Part("plate", plate, (plate,)))
+    assert np.abs(ups[:2, 2]) == pytest.approx([1.0, 1.0]) and ups[0, 2] * ups[1, 2] < 0
+    # Hardly ever does it stay on a narrow side.
+    assert len(ups) == 2
+    cube = trimesh.creation.box((0.03, 0.03, 0.03))
+    assert len(resting_directions(Part("cube", cube, (cube,)))) == 6
+
+
+def test_a_round_part_comes_to_rest_on_any_side_although_each_facet_is_unlikely() -> None:
+    shaft = trimesh.creation.cylinder(0.005, 0.08, sections=128)
+    ups = resting_directions(Part("shaft", shaft, (shaft,)))
+    assert len(ups) >= 120 and np.abs(ups[:, 2]).max() < 1e-6
 
 
 def test_diverse_keeps_the_best_of_what_symmetry_makes_equal() -> None:

@@ -8,11 +8,11 @@ import pytest
 from simpick.estimators.refiner.confidence import Confidence
 from simpick.pose_eval.refiner_calibration import Outcomes, brier_score, plot_reliability, pooled
 
-BY_SHADING = Confidence(0.0, (0.0, 0.0, 0.0, 1.0, 0.0))
+BY_SHADING = Confidence(0.0, (0.0, 0.0, 0.0, 1.0, 0.0, 0.0))
 
 
 def outcomes(shading: list[float], good: list[float], detections: list[int] | None = None) -> Outcomes:
-    features = np.array([[0.5, 0.5, 0.5, value, 1.0] for value in shading])
+    features = np.array([[0.5, 0.5, 0.5, value, 1.0, 0.5] for value in shading])
     return Outcomes(np.array(detections or range(len(good))), features, np.array(good))
 
 

@@ -12,6 +12,7 @@ from simpick.assets.part import Part
 
 _COVERED = 0.97
 _MOST_POSES = 24
+_LEAST_SHARE = 0.01
 _SAME_COSINE = np.cos(np.radians(10.0))
 
 
@@ -23,6 +24,17 @@ def stable_poses(part: Part) -> tuple[Float[np.ndarray, "poses 4 4"], Float[np.n
     """
     Ts, shares = trimesh.poses.compute_stable_poses(part.mesh, sigma=0.0, n_samples=1, threshold=0.0)
     return np.asarray(Ts, float).reshape(-1, 4, 4), np.asarray(shares, float)
+
+
+@lru_cache(maxsize=64)
+def resting_directions(part: Part) -> Float[np.ndarray, "directions 3"]:
+    """Return the unit vectors of the part frame that point up after it came to rest, the most likely first.
+
+    Those around which, within 10 degrees, less than one per cent of throws ends are left out.
+    """
+    Ts, shares = stable_poses(part)
+    ups = Ts[:, 2, :3]
+    return ups[(ups @ ups.T > _SAME_COSINE) @ shares > _LEAST_SHARE * shares.sum()]
 
 
 def resting_floors(part: Part) -> Float[np.ndarray, "poses 4"]:
