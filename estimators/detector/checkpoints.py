@@ -18,7 +18,7 @@ from simpick.estimators.weight_files import check_weights, read_weights, shipped
 from simpick.json_text import load_json
 
 FORMAT = "simpick-detector"
-VERSION = "2"
+VERSION = "3"
 """Raised when the same weights would mean something else."""
 SHIPPED_WEIGHTS = "detector.safetensors"
 

@@ -30,6 +30,21 @@ def _conv(inputs: int, outputs: int, kernel: int = 3) -> nn.Sequential:
     )
 
 
+class ResidualBlock(nn.Module):
+    """Two convolutions added to their input (He et al. 2016); the identity before training."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.first = _conv(channels, channels)
+        self.second = nn.Conv2d(channels, channels, 3, padding=1, bias=False)
+        self.norm = nn.BatchNorm2d(channels)
+        nn.init.zeros_(self.norm.weight)
+
+    def forward(self, x: Float[Tensor, "n c h w"]) -> Float[Tensor, "n c h w"]:
+        """Return the block's features."""
+        return F.relu(x + self.norm(self.second(self.first(x))))
+
+
 class InstanceNetwork(nn.Module):
     """From images to `CellMaps`."""
 
@@ -39,11 +54,11 @@ class InstanceNetwork(nn.Module):
         channels = PYRAMID_CHANNELS
         self.lateral = nn.ModuleList(nn.Conv2d(c, channels, 1) for c in OUTPUT_CHANNELS[1:])
         # One for each of the strides 16, 8 and 4.
-        self.smooth = nn.ModuleList(_conv(channels, channels) for _ in range(3))
-        self.context = _conv(channels, channels)
+        self.smooth = nn.ModuleList(nn.Sequential(_conv(channels, channels), ResidualBlock(channels)) for _ in range(3))
+        self.context = nn.Sequential(_conv(channels, channels), ResidualBlock(channels))
         self.to_fine = nn.Conv2d(channels, 4 * FINE_CHANNELS, 1)
         self.fine_lateral = nn.Conv2d(OUTPUT_CHANNELS[0], FINE_CHANNELS, 1)
-        self.fine = _conv(FINE_CHANNELS, FINE_CHANNELS)
+        self.fine = nn.Sequential(_conv(FINE_CHANNELS, FINE_CHANNELS), ResidualBlock(FINE_CHANNELS))
         self.foreground = nn.Conv2d(FINE_CHANNELS, 1, 1)
         self.affinities = nn.Conv2d(FINE_CHANNELS, len(OFFSETS), 1)
 

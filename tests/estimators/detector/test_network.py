@@ -9,7 +9,7 @@ from simpick.errors import CheckpointError
 from simpick.estimators.detector.affinities import OFFSETS
 from simpick.estimators.detector.checkpoints import load_detector_checkpoint, save_detector_checkpoint
 from simpick.estimators.detector.encoder import OUTPUT_CHANNELS, EfficientNetLite0, load_imagenet_weights
-from simpick.estimators.detector.network import InstanceNetwork
+from simpick.estimators.detector.network import InstanceNetwork, ResidualBlock
 from simpick.estimators.detector.scores import MaskScore
 from simpick.estimators.raypose.checkpoints import shipped_checkpoint
 
@@ -31,6 +31,13 @@ def test_each_cell_of_two_pixels_has_every_map(network: InstanceNetwork) -> None
     maps = network(torch.zeros(2, 3, 64, 96))
     assert maps.foreground.shape == (2, 32, 48)
     assert maps.affinities.shape == (2, len(OFFSETS), 32, 48)
+
+
+def test_a_residual_block_begins_as_the_identity_and_learns() -> None:
+    block, x = ResidualBlock(4), torch.rand(2, 4, 8, 8)
+    torch.testing.assert_close(block(x), x)
+    block(x).square().sum().backward()
+    assert block.norm.weight.grad is not None and block.norm.weight.grad.abs().max() > 0
 
 
 def test_no_two_offsets_are_the_same_pair() -> None:
