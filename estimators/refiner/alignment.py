@@ -84,12 +84,13 @@ def align(target: Target, rendered: RenderedMaps, centres: Float[Tensor, "n 2"],
             trust * edge_y,
             inner,
             inner * target.brightness,
-            *(inner * rendered.normals[:, k] for k in range(3)),
+            inner * (rendered.albedo - 1),
+            *(inner * rendered.albedo * rendered.normals[:, k] for k in range(3)),
         ]
     )
     blurred = blur(sharp, target.blur_px, stride)
-    near, blurred_silhouette, missed, edge_x, edge_y, share, seen = blurred[:7]
-    shown = blurred[7:].transpose(0, 1)  # (n, 3, coarse, coarse)
+    near, blurred_silhouette, missed, edge_x, edge_y, share, seen, excess = blurred[:8]
+    shown = blurred[8:].transpose(0, 1)  # (n, 3, coarse, coarse)
 
     # Silhouettes: blurred difference where it can be trusted. Beyond the silhouette, depth is that of the nearest edge.
     extended = near / blurred_silhouette.clamp_min(1e-4)
@@ -98,9 +99,10 @@ def align(target: Target, rendered: RenderedMaps, centres: Float[Tensor, "n 2"],
     to_flow = f / config.silhouette_scale
     J_silhouette = -((edge_x * to_flow)[:, None] * flow_x + (edge_y * to_flow)[:, None] * flow_y)
 
-    # Brightness: a linear function of the surface normal, fitted to each hypothesis.
-    light = fit_light(share, shown, seen, config.shading_scale)
-    lit = torch.einsum("nk,nkij->nij", light[:, 1:], shown)
+    # Brightness: the albedo times a linear function of the surface normal, fitted to each hypothesis.
+    light = fit_light(share + excess, shown, seen, config.shading_scale)
+    # What varies: ambient light on a surface of one colour is the same everywhere.
+    lit = torch.einsum("nk,nkij->nij", light[:, 1:], shown) + light[:, 0, None, None] * excess
     shading = (light[:, 0, None, None] * share + lit - seen) / config.shading_scale
     shade_x, shade_y = central_differences(lit / share.clamp_min(1e-3))
     turned = torch.linalg.cross(shown, light[:, 1:, None, None].expand_as(shown), dim=1)

@@ -48,8 +48,10 @@ def evidence(query: QueryMaps, rendered: RenderedMaps) -> Float[Tensor, "n cues"
 
     core = eroded(covered)
     lit_core = core * eroded(mask)
-    light = fit_light(lit_core, rendered.normals * lit_core[:, None], lit_core * query.brightness, _SHADING_SCALE)
+    coloured = rendered.albedo * lit_core
+    light = fit_light(coloured, rendered.normals * coloured[:, None], lit_core * query.brightness, _SHADING_SCALE)
     predicted = light[:, 0, None, None] + torch.einsum("nk,nkij->nij", light[:, 1:], rendered.normals)
+    predicted = predicted * rendered.albedo
     smooth = blur(predicted * covered, _BLUR_PX) / blur(covered, _BLUR_PX).clamp_min(0.3)
     lit = _Edges.of(smooth)
     inside = eroded(core) * free

@@ -1,4 +1,4 @@
-"""Maps of a rendered depth image: silhouette, inverse depth and surface normals."""
+"""Maps of a rendering: silhouette, inverse depth, surface normals and albedo."""
 
 from __future__ import annotations
 
@@ -24,12 +24,19 @@ class RenderedMaps(TensorRecord):
     """Depth of the part's origin over that of the surface: 1 at the origin's depth; 0 beside the part."""
     normals: Float[Tensor, "n 3 size size"]
     """Unit normals in the crop's frame that point into the part, away from the camera; 0 beside the part."""
+    albedo: Float[Tensor, "n size size"]
+    """Luminance of the surface's own colour over its mean; 1 beside the part, and everywhere on parts of one colour."""
 
 
 def rendered_maps(
-    depth_m: Float[Tensor, "n size size"], origin_depth_m: Float[Tensor, "n"], focal_px: Float[Tensor, "n"]
+    depth_m: Float[Tensor, "n size size"],
+    origin_depth_m: Float[Tensor, "n"],
+    focal_px: Float[Tensor, "n"],
+    albedo: Float[Tensor, "n size size"] | None = None,
 ) -> RenderedMaps:
     """Return the maps of depth images through square virtual cameras with the principal point in the middle.
+
+    `albedo` is None for parts of one colour.
 
     Inverse depth q of a plane N X = 1 is linear in the pixel: with x, y counted from the principal point,
     ``N = (f dq/dx, f dq/dy, q - x dq/dx - y dq/dy)``. So normals of flat faces are exact.
@@ -41,7 +48,7 @@ def rendered_maps(
     f = focal_px[:, None, None]
     normals = torch.stack([f * qx, f * qy, nearness - x * qx - y * qy], dim=1)
     normals = normals / normals.square().sum(dim=1, keepdim=True).sqrt().clamp_min(1e-9)
-    return RenderedMaps(silhouette, nearness, normals)
+    return RenderedMaps(silhouette, nearness, normals, torch.ones_like(silhouette) if albedo is None else albedo)
 
 
 def pixel_offsets(size: int) -> tuple[Float[Tensor, "size"], Float[Tensor, "size 1"]]:

@@ -1,4 +1,4 @@
-"""`PartRenderers`: a least-recently-used cache of depth renderers, one per part and image size."""
+"""`PartRenderers`: a least-recently-used cache of renderers of depth and colour, one per part and image size."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from simpick.rendering.renderer import RenderQuality
 class PartRenderers(Closing):
     """Keeps at most `count` renderers open: of OpenGL, or where that does not work of Embree, if it is installed."""
 
-    def __init__(self, count: int, *, quality: RenderQuality = PART_QUALITY) -> None:
-        self._count, self._quality = count, quality
+    def __init__(self, count: int, *, quality: RenderQuality = PART_QUALITY, shaded: bool = True) -> None:
+        self._count, self._quality, self._shaded = count, quality, shaded
         self._renderers: OrderedDict[tuple[str, int, int], PartRenderer | RayDepthRenderer] = OrderedDict()
 
     def get(self, part: Part, height: int, width: int) -> PartRenderer | RayDepthRenderer:
@@ -30,7 +30,9 @@ class PartRenderers(Closing):
                 self._renderers.popitem(last=False)[1].close()
             rays = depth_needs_rays()
             self._renderers[key] = (
-                RayDepthRenderer(part) if rays else PartRenderer(part, height, width, quality=self._quality)
+                RayDepthRenderer(part)
+                if rays
+                else PartRenderer(part, height, width, quality=self._quality, shaded=self._shaded)
             )
         self._renderers.move_to_end(key)
         return self._renderers[key]

@@ -49,10 +49,12 @@ class PartRenderer(Closing):
     the shape of a black part shows as well as that of a white one. Parts with `Part.face_rgb` show those colours.
     """
 
-    def __init__(self, part: Part, height: int, width: int, *, quality: RenderQuality = PART_QUALITY) -> None:
-        """Prepare to render images of at most this size."""
+    def __init__(
+        self, part: Part, height: int, width: int, *, quality: RenderQuality = PART_QUALITY, shaded: bool = True
+    ) -> None:
+        """Prepare to render images of at most this size; not `shaded`, they show the colours of the surface alone."""
         self.part = part
-        model = _part_model(part)
+        model = _part_model(part, shaded)
         self._data = mujoco.MjData(model)
         mujoco.mj_forward(model, self._data)
         self._renderer = Renderer(model, height, width, quality=quality)
@@ -111,7 +113,7 @@ def render_part_views(
         return renderer.render(Ts_camera_part, camera, rgb=rgb)
 
 
-def _part_model(part: Part) -> mujoco.MjModel:
+def _part_model(part: Part, shaded: bool) -> mujoco.MjModel:
     spec = mujoco.MjSpec()
     coloured = part.face_rgb is not None
     colour = np.array(part.material.rgb) if part.face_rgb is None else np.ones(3)
@@ -124,5 +126,6 @@ def _part_model(part: Part) -> mujoco.MjModel:
         material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = add_face_colours(spec, "colours", faces)
     add_part(spec, part, "part", free=False, collide=False, material="exposed", colour_faces=coloured)
     head = spec.visual.headlight
-    head.ambient, head.diffuse, head.specular = [_AMBIENT] * 3, [_DIFFUSE] * 3, [0.0] * 3
+    ambient, diffuse = (_AMBIENT, _DIFFUSE) if shaded else (1.0, 0.0)
+    head.ambient, head.diffuse, head.specular = [ambient] * 3, [diffuse] * 3, [0.0] * 3
     return spec.compile()

@@ -1,7 +1,7 @@
 """How well `refined` poses parts whose own colours vary, compared with grey ones at the same poses.
 
 ``python -m tests.photos.coloured_parts`` renders five library parts alone, in grey and with four coloured bands as
-vertex colours of a PLY file, each at ten poses, with perfect masks.
+vertex colours of a PLY file, each at 30 poses, with perfect masks.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ CALIBRATION = CAMERA.K - np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])
 """The camera with integer pixel centres, as photographs come."""
 BANDS = np.array([[200, 40, 40], [40, 60, 200], [230, 220, 60], [30, 30, 30]], np.uint8)
 GREY = np.array([150, 150, 150], np.uint8)
-POSES = 10
+POSES = 30
 
 
 def errors(name: str, folder: Path, *, coloured: bool) -> Float[np.ndarray, "poses"]:
@@ -67,6 +67,7 @@ if __name__ == "__main__":
     ratios = np.log(coloured / grey)[right]
     draws = np.random.default_rng(0).integers(0, len(ratios), (2000, len(ratios)))
     low, high = np.exp(np.percentile(np.median(ratios[draws], axis=1), [2.5, 97.5]))
-    print(f"below 0.1 diameters: grey {(grey < 0.1).mean():.0%}, coloured {(coloured < 0.1).mean():.0%}")
+    print(f"below 0.1 and 0.02 diameters: grey {(grey < 0.1).mean():.0%}, {(grey < 0.02).mean():.0%}, "
+          f"coloured {(coloured < 0.1).mean():.0%}, {(coloured < 0.02).mean():.0%}")  # fmt: skip
     print(f"{right.sum()} pairs below: median {np.median(grey[right]):.4f} and {np.median(coloured[right]):.4f}, "
           f"median ratio {np.exp(np.median(ratios)):.2f} ({low:.2f} to {high:.2f})")  # fmt: skip

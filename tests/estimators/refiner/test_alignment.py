@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
 from simpick.assets.library import get_part
+from simpick.assets.part import Part
 from simpick.estimators.refiner.alignment import Target, align, moved, projection_jacobian
 from simpick.estimators.refiner.blurring import blur, eroded
+from simpick.estimators.refiner.confidence import FEATURES
 from simpick.estimators.refiner.config import RefinerConfig
+from simpick.estimators.refiner.crop_renderer import CropRenderer
+from simpick.estimators.refiner.evidence import evidence
+from simpick.estimators.refiner.query_maps import QueryMaps
 from simpick.estimators.refiner.rendered_maps import rendered_maps
 from simpick.geometry import Pinhole, VirtualCameras, so3_exp, transform
 from simpick.rendering import PartRenderer
@@ -34,19 +41,26 @@ def test_projection_moves_as_the_jacobian_says():
         assert analytic == pytest.approx(numeric, abs=2e-5)
 
 
+def banded(name: str) -> Part:
+    """Return a part with a bright and a dark half."""
+    part = get_part(name)
+    bright = np.asarray(part.mesh.triangles_center) @ [0.3, 0.8, 0.5] > 0
+    return replace(part, face_rgb=np.where(bright[:, None], np.uint8(220), np.uint8(60)) * np.ones(3, np.uint8))
+
+
 @pytest.mark.parametrize("stride", [1, 2])
-def test_the_cost_falls_as_the_gradient_says(stride):
-    part, config = get_part("l_bracket"), RefinerConfig()
+@pytest.mark.parametrize("part", [get_part("l_bracket"), banded("l_bracket")], ids=["one colour", "two colours"])
+def test_the_cost_falls_as_the_gradient_says(part, stride):
+    config = RefinerConfig()
     focal_px = torch.tensor([FOCAL])
-    with PartRenderer(part, SIZE, SIZE) as renderer:
+    with PartRenderer(part, SIZE, SIZE) as renderer, CropRenderer(1, SIZE) as crops:
         seen = renderer.render(T_CROP_PART[None], CAMERAS.pinhole(0))
         assert seen.rgb is not None
         gray, mask = torch.from_numpy(seen.rgb).float().mean(-1) / 255, torch.from_numpy(seen.masks).float()
         target = Target.of(gray / (gray * mask).sum() * mask.sum(), mask, torch.ones_like(mask), focal_px, 2.5, stride)
 
         def aligned(T):
-            depth_m = torch.from_numpy(renderer.render(T[None], CAMERAS.pinhole(0), rgb=False).depth_m)
-            maps = rendered_maps(depth_m, torch.tensor([float(T[2, 3])]), focal_px)
+            maps = crops.maps([part], CAMERAS, T[None])
             return align(target, maps, torch.tensor(T[:2, 3] / T[2, 3])[None].float(), config)
 
         off = moved(T_CROP_PART[None], np.array([[0.08, -0.06, 0.05, 1e-3, -1e-3, 0.03]]))
@@ -62,6 +76,35 @@ def test_the_cost_falls_as_the_gradient_says(stride):
     cosine = analytic @ numeric / np.linalg.norm(analytic) / np.linalg.norm(numeric)
     assert cosine > 0.95
     assert np.linalg.norm(analytic) == pytest.approx(np.linalg.norm(numeric), rel=0.3)
+
+
+def test_the_albedo_is_that_of_the_surface_whatever_its_slope():
+    part = banded("l_bracket")
+    with CropRenderer(2, SIZE) as crops:
+        maps = crops.maps([part, get_part("hex_nut")], CAMERAS.rows(np.array([0, 0])), np.stack([T_CROP_PART] * 2))
+    covered = maps.silhouette[0] > 0
+    values = maps.albedo[0][covered]
+    bright, dark = values[values > 1], values[values <= 1]
+    assert len(bright) > 50 and len(dark) > 50
+    assert float(values.mean()) == pytest.approx(1.0, abs=1e-4)
+    assert float(bright.median() / dark.median()) == pytest.approx(220 / 60, rel=0.05)
+    assert float(bright.std() / bright.mean()) < 0.05
+    assert (maps.albedo[0][~covered] == 1).all()
+    assert (maps.albedo[1] == 1).all()
+
+
+def test_brightness_of_two_colours_is_explained_by_the_colours():
+    part = banded("l_bracket")
+    with PartRenderer(part, SIZE, SIZE) as renderer, CropRenderer(1, SIZE) as crops:
+        seen = renderer.render(T_CROP_PART[None], CAMERAS.pinhole(0))
+        maps = crops.maps([part], CAMERAS, T_CROP_PART[None])
+    assert seen.rgb is not None
+    gray, mask = torch.from_numpy(seen.rgb).float().mean(-1) / 255, torch.from_numpy(seen.masks).float()
+    query = QueryMaps(gray / (gray * mask).sum() * mask.sum(), mask, torch.ones_like(mask), CAMERAS)
+    shading = FEATURES.index("shading")
+    with_colours, without = (float(evidence(query, m)[0, shading]) for m in (maps, replace(maps, albedo=mask * 0 + 1)))
+    assert with_colours > 0.9
+    assert without < with_colours - 0.2
 
 
 def test_normals_of_a_tilted_plane_are_exact():
