@@ -141,15 +141,15 @@ class Estimate(Config):
 
     def _detections(self, names: list[str]) -> Callable[[ImageFile, int, int], Detector | Sequence[Detection]]:
         """Return what gives the detector, or the detections, of an image of some height and width."""
-        from simpick.estimators.detections import find_detector
         from simpick.photos.photo_detections import DetectionFile, boxes_from_numbers
+        from simpick.photos.photo_estimator import photo_detector
 
         if self.boxes:
             boxes = boxes_from_numbers(self.boxes, names[0])
             return lambda image, height, width: boxes
         if Path(self.detections).suffix == ".json":
             return DetectionFile(Path(self.detections), names).of
-        detector = find_detector(self.detections).make()
+        detector = photo_detector(self.detections)
         return lambda image, height, width: detector
 
     def _answer(
@@ -174,7 +174,8 @@ class Estimate(Config):
             raise
         except SimpickError as error:
             return ImageAnswer(str(image), image.name, None, (), (), str(error))
-        return ImageAnswer(str(image), image.name, poses, checks, [*photo.notes, *self._missing(poses)])
+        notes = [*photo.notes, *self._missing(poses), *estimator.doubts(poses)]
+        return ImageAnswer(str(image), image.name, poses, checks, notes)
 
     def _draw(
         self, image: ImageFile, estimator: PhotoEstimator, poses: PhotoPoses, checks: Sequence[PoseChecks]

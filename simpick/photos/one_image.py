@@ -12,13 +12,12 @@ from jaxtyping import Float, Shaped
 from simpick.assets.part import Part
 from simpick.errors import ConfigError
 from simpick.estimators.base import Detector
-from simpick.estimators.detections import find_detector
 from simpick.photos.cad_poses import CadPoseEstimate
 from simpick.photos.calibration import Calibration, PixelCentres
 from simpick.photos.camera_files import read_calibration
 from simpick.photos.image_files import ImageReader, find_images
 from simpick.photos.parts import load_parts
-from simpick.photos.photo_estimator import PhotoEstimator
+from simpick.photos.photo_estimator import PhotoEstimator, photo_detector
 from simpick.records import Detection
 
 
@@ -81,4 +80,4 @@ def _estimator(parts: tuple[Part, ...], mode: str) -> PhotoEstimator:
 
 @lru_cache(maxsize=4)
 def _detector(name: str) -> Detector:
-    return find_detector(name).make()
+    return photo_detector(name)

@@ -16,6 +16,8 @@ from simpick.closing import Closing
 from simpick.errors import ConfigError
 from simpick.estimators.base import Detector, OnboardingDetector
 from simpick.estimators.boundary import onboard_part, validated_detections, validated_estimates
+from simpick.estimators.detections import find_detector
+from simpick.estimators.detector import LearnedDetector, LearnedDetectorConfig
 from simpick.estimators.registry import EstimatorName, find_estimator, load_estimator
 from simpick.photos.box_masks import with_masks
 from simpick.photos.cad_poses import CadPoseEstimate
@@ -26,6 +28,9 @@ from simpick.rendering.posed_depth import PosedDepthRenderer
 
 _TRIED = 4
 """Detections that are tried per pose that is asked for."""
+_DOUBTFUL = 0.5
+"""Without a pose of this probability, a part may not be in the image: so it was for 83 % of 60 parts that were not, and
+12 % of 24 that were (`docs/detector.md`)."""
 _Scored = TypeVar("_Scored", Detection, CadPoseEstimate)
 
 
@@ -41,6 +46,20 @@ class PhotoPoses:
     """The most certain first."""
     timings_s: dict[str, float]
     """Wall-clock seconds of ``detect`` and ``estimate``."""
+
+
+def photo_detector(name: str) -> Detector:
+    """Return the detector called `name` as photographs need it.
+
+    Who asks for parts in a photograph expects them there, so the learned detector answers also where the image as a
+    whole probably shows none of them; `PhotoEstimator.doubts` says where no pose is probable.
+
+    Raises:
+        UnknownNameError: there is none of this name.
+    """
+    if name == "learned":
+        return LearnedDetector(config=LearnedDetectorConfig(min_presence=0.0))
+    return find_detector(name).make()
 
 
 class PhotoEstimator(Closing):
@@ -114,6 +133,20 @@ class PhotoEstimator(Closing):
             check_pose(e, self.parts[e.part], poses.frame, self.depth(e.part, e.T_camera_part, poses.frame) > 0)
             for e in poses.estimates
         ]
+
+    def doubts(self, poses: PhotoPoses) -> list[str]:
+        """Return a sentence for each part of which no pose is probable, or of which there is none beside others'."""
+        sentences = []
+        for name in self.parts:
+            best = max((estimate.score for estimate in poses.estimates if estimate.part == name), default=None)
+            if best is None and poses.estimates:
+                sentences.append(f"{name}: not found in this image")
+            elif best is not None and self.gives_probabilities and best < _DOUBTFUL:
+                sentences.append(
+                    f"{name}: the most probable pose has a probability of {best:.2f} only; the part may not be in the "
+                    "image, or its CAD file may have another size (simpick parts show)"
+                )
+        return sentences
 
     def close(self) -> None:
         """Free the OpenGL contexts; may be called again."""
