@@ -55,7 +55,7 @@ class PartsCheck(Config):
         from simpick.errors import OpenMeshError
         from simpick.grasping.part_report import gripping, recommended
         from simpick.rendering.open_edges import draw_open_edges
-        from simpick.terminal import Console, track, working
+        from simpick.terminal import Console, progress_bar, working
 
         console = Console()
         path, unit = split_unit(self.file)
@@ -72,10 +72,14 @@ class PartsCheck(Config):
             console.print_line(f"picture of its open edges, in red: {self.out}")
             raise
         _print_shape(imported, console)
-        grippers = track(
-            self.grippers, "verifying grasps, gripper by gripper", total=len(self.grippers), console=console
-        )
-        options = [gripping(imported.part, name) for name in grippers]
+        options = []
+        with progress_bar(console) as bar:
+            task = bar.add_task("", total=100)
+            for name in self.grippers:
+                bar.reset(task, description=f"verifying grasps for {name}, %", total=100)
+                options.append(
+                    gripping(imported.part, name, lambda share: bar.update(task, completed=round(100 * share)))
+                )
         _print_gripping(imported, options, console)
         choice = recommended(options)
         if choice is None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from simpick.assets.grippers import get_gripper
 from simpick.assets.grippers.sampling.selection import expanded
 from simpick.assets.part import Part
@@ -23,11 +25,11 @@ def candidate_grasps(part: Part, gripper: str) -> list[Grasp]:
     return get_gripper(gripper).sampling.sample(part)
 
 
-def verified_grasps(part: Part, gripper: str) -> list[Grasp]:
+def verified_grasps(part: Part, gripper: str, on_share: Callable[[float], None] | None = None) -> list[Grasp]:
     """Return grasps that held in simulation, best first, one per symmetry class.
 
     They come from the files that ship for library parts, else from the disk cache; otherwise this takes about five
-    seconds once.
+    seconds once, and `on_share` is called meanwhile with the share of it that is done.
 
     Raises:
         UnknownNameError: there is no such gripper.
@@ -35,7 +37,7 @@ def verified_grasps(part: Part, gripper: str) -> list[Grasp]:
     grasps = load_grasps(part, gripper)
     if grasps is None:
         # The file holds float32: reading it back makes the first run equal to the second.
-        found = verified(part, candidate_grasps(part, gripper), gripper, enough=ENOUGH)
+        found = verified(part, candidate_grasps(part, gripper), gripper, enough=ENOUGH, on_share=on_share)
         save_grasps(cached_path(part, gripper), part, gripper, found)
         grasps = load_grasps(part, gripper)
     return grasps or []

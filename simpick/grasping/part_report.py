@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,9 +43,12 @@ class Gripping:
         return self.verified > 0 and self.coverage >= LEAST_COVERAGE
 
 
-def gripping(part: Part, gripper: str) -> Gripping:
-    """Return what `gripper` can do with `part`; a new part's grasps are verified first, which takes some seconds."""
-    found = len(verified_grasps(part, gripper))
+def gripping(part: Part, gripper: str, on_share: Callable[[float], None] | None = None) -> Gripping:
+    """Return what `gripper` can do with `part`.
+
+    A new part's grasps are verified first, which takes some seconds; `on_share` is called with the share that is done.
+    """
+    found = len(verified_grasps(part, gripper, on_share))
     sampled = found if found else len(candidate_grasps(part, gripper))
     return Gripping(gripper, sampled, found, resting_coverage(part, gripper) if found else 0.0)
 

@@ -9,10 +9,9 @@ so are the contacts that hold, because pads and cells have priority over a part'
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from itertools import islice
 
 import mujoco
 import numpy as np
@@ -142,12 +141,19 @@ class GraspBench:
         return float(np.linalg.norm(here - there)), float(turn)
 
 
-def verified(part: Part, grasps: Sequence[Grasp], gripper: str, *, enough: int | None = None) -> list[Grasp]:
+def verified(
+    part: Part,
+    grasps: Sequence[Grasp],
+    gripper: str,
+    *,
+    enough: int | None = None,
+    on_share: Callable[[float], None] | None = None,
+) -> list[Grasp]:
     """Return the grasps that hold, best first; quality = sampled quality x stillness, less where an offset loses it.
 
     They are tried in the given order until `enough` hold. Deterministic. A grasp that holds as planned but not when
     displaced by the config's disturbance keeps half of its quality: it is a last resort for a pose estimate that is
-    never exact.
+    never exact. `on_share` is called with the share of the work that is done after each grasp.
     """
     if not grasps:
         return []
@@ -159,9 +165,14 @@ def verified(part: Part, grasps: Sequence[Grasp], gripper: str, *, enough: int |
             own.bench = GraspBench(part, gripper)
         return _tried(own.bench, number, grasp)
 
+    kept = list[Grasp]()
     with ThreadPoolExecutor(min(_MOST_THREADS, usable_cores())) as pool:
-        answers = pool.map(tried, range(len(grasps)), grasps)
-        kept = list(islice((grasp for grasp in answers if grasp is not None), enough))
+        for number, grasp in enumerate(pool.map(tried, range(len(grasps)), grasps), 1):
+            kept += [] if grasp is None else [grasp]
+            if on_share is not None:
+                on_share(max(number / len(grasps), len(kept) / (enough or len(grasps))))
+            if len(kept) == enough:
+                break
         pool.shutdown(cancel_futures=True)
     return sorted(kept, key=lambda g: -g.quality)
 

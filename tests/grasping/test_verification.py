@@ -64,6 +64,16 @@ def test_verification_ends_when_enough_hold() -> None:
     assert all(any(a.quality == b.quality for b in everything) for a in few)
 
 
+def test_verification_says_how_far_it_is() -> None:
+    grasps = [side_grasp((x, 0, 0)) for x in (0.05, 0.0, 0.002, 0.004, 0.006)]
+    shares: list[float] = []
+    verified(get_part("hex_nut"), grasps, "jaw", on_share=shares.append)
+    assert shares == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
+    shares.clear()
+    verified(get_part("hex_nut"), grasps, "jaw", enough=2, on_share=shares.append)
+    assert shares == pytest.approx([0.2, 0.5, 1.0]), "ends where enough hold"
+
+
 def test_an_unknown_gripper_is_refused() -> None:
     with pytest.raises(UnknownNameError, match=r"no gripper named 'hook'\. Valid: jaw, suction"):
         GraspBench(get_part("hex_nut"), "hook")
