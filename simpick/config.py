@@ -38,7 +38,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 from annotated_types import Ge, GroupedMetadata, Gt, Interval, Le, Lt, MinLen
 
-from simpick.errors import ConfigError
+from simpick.errors import ConfigError, UnknownNameError
 from simpick.json_text import load_json
 
 PositiveInt = Annotated[int, Ge(1)]
@@ -149,7 +149,7 @@ def _build(kind: type[_T], values: object, path: str, complete: bool) -> _T:
         raise ConfigError("; ".join(found))
     try:
         return kind(**arguments)
-    except ConfigError as error:
+    except (ConfigError, UnknownNameError) as error:
         raise ConfigError(f"{path}: {error}" if path else str(error)) from error
 
 

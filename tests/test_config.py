@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 
 from simpick.config import Config, Fraction, PositiveFloat, PositiveInt, from_json, read_json
 from simpick.errors import ConfigError
+from simpick.training.config import TrainConfig
 
 
 class Colour(StrEnum):
@@ -143,6 +144,11 @@ def test_json_errors_name_the_path_of_the_value(values: Any, text: str) -> None:
     with pytest.raises(ConfigError) as caught:
         from_json(Outer, values, "run.json")
     assert str(caught.value).startswith(f"run.json: {text}")
+
+
+def test_unknown_names_in_files_name_the_file_and_the_path() -> None:
+    with pytest.raises(ConfigError, match=r"^run\.json: data: no randomization preset named 'dark'\. Valid: default"):
+        from_json(TrainConfig, {"data": {"randomizations": ["dark"]}}, "run.json")
 
 
 def test_a_complete_object_must_name_every_field() -> None:

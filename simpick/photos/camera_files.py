@@ -212,7 +212,8 @@ def _size(content: Mapping[str, Any], path: Path) -> tuple[int, int] | None:
     keys = [next((key for key in names if key in content), None) for names in (_WIDTH, _HEIGHT)]
     if None in keys:
         both = content.get("image_size") or content.get("imageSize")
-        values = _floats(both, f"{path}, key 'image_size'") if isinstance(both, list) and len(both) == 2 else None
+        pair = both if isinstance(both, list) and len(both) == 2 else None
+        values = None if pair is None else [_float(value, f"{path}, key 'image_size'") for value in pair]
     else:
         values = [_number(content, str(key), path) for key in keys]
     if values is None:

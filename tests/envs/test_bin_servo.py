@@ -132,6 +132,14 @@ def test_max_ticks_truncates(opened) -> None:
     assert (terminated, truncated, info["ended"]) == (False, True, "max_ticks")
 
 
+def test_an_episode_that_terminates_is_not_truncated_too(opened) -> None:
+    env = opened(BinServoEnv(parts=("bushing",), count=1, images=(), max_ticks=1))
+    env.reset(seed=0)
+    env.scene.place({0: transform(translation=np.array([*CHUTE_CENTRE_M[:2], 0.02]))})
+    _, _, terminated, truncated, info = env.step(HOLD)
+    assert (terminated, truncated, info["ended"]) == (True, False, "cleared")
+
+
 def test_vector_environments_go_on_when_one_has_delivered_a_part() -> None:
     envs = gymnasium.make_vec(
         "simpick/BinServo-v0", num_envs=2, vectorization_mode="sync", parts=("bushing",), count=2, images=()

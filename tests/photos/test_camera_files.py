@@ -175,3 +175,10 @@ def test_without_a_stated_size_a_principal_point_far_off_is_refused_and_an_odd_o
         Calibration.from_K(K).of_size(2560, 1920)
     odd = Calibration.from_K(np.array([[FX, 0, 100.0], [0, FY, 400.0], [0, 0, 1]]))
     assert odd.of_size(*SIZE).camera.cx == 100.5
+
+
+def test_a_size_that_is_no_two_numbers_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "camera.json"
+    path.write_text(json.dumps({"mtx": K.tolist(), "dist": [list(D)], "image_size": [[], 480]}))
+    with pytest.raises(CameraFileError, match="key 'image_size': must hold finite numbers, got \\[\\]"):
+        read_calibration(path)

@@ -179,6 +179,16 @@ def test_a_scene_of_another_mujoco_is_noticed(scene, tmp_path):
         Scene.load(path)
 
 
+def test_a_saved_name_that_does_not_exist_is_an_error_of_the_file(scene, tmp_path):
+    path = scene.save(tmp_path / "scene.npz")
+    arrays = read_arrays(path)
+    header = json.loads(str(arrays["header"]))
+    header["config"]["randomization"] = "dark"
+    write_arrays(path, arrays | {"header": np.array(json.dumps(header))})
+    with pytest.raises(SceneError, match=r"scene.npz is not a scene file .* no randomization preset named 'dark'"):
+        Scene.load(path)
+
+
 def test_a_part_that_has_changed_since_saving_is_noticed(scene, tmp_path):
     path = scene.save(tmp_path / "scene.npz")
     archive = read_archive(path)

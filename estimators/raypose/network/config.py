@@ -11,6 +11,16 @@ from simpick.config import Config, NonNegativeInt, PositiveInt
 from simpick.errors import ConfigError, UnknownNameError
 
 
+def encoder_widths(local_width: int) -> tuple[int, int, int]:
+    """Return the channels of simpick's own image encoder: of its stem, of its fine features and of its coarse ones."""
+    return max(8, local_width // 6), max(16, local_width // 3), local_width
+
+
+def norm_groups(channels: int) -> int:
+    """Return the groups of a group normalisation; they must divide the channels."""
+    return min(8, channels // 4)
+
+
 @dataclass(frozen=True)
 class RayPoseConfig(Config):
     """Everything that the network depends on beside its weights; stored in every checkpoint."""
@@ -78,6 +88,12 @@ class RayPoseConfig(Config):
         if self.flow and self.is_dino:
             raise ConfigError(
                 "flow needs simpick's own image encoder: DINOv2 has no cells half as wide; set flow=False"
+            )
+        if not self.is_dino and any(
+            width < 4 or width % norm_groups(width) for width in encoder_widths(self.local_width)[1:]
+        ):
+            raise ConfigError(
+                f"local_width must be a width that groups divide, as multiples of 24 are, got {self.local_width}"
             )
         if self.width % self.heads:
             raise ConfigError(f"heads must divide width, got heads={self.heads}, width={self.width}")

@@ -155,6 +155,10 @@ def _from_arrays(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> Shard
         raise ValueError(f"it is of part {part!r} with a diameter of {diameter_m!r} m")
     camera = Pinhole(*header["template_camera"])
     Ts_camera_part = arrays["template_Ts_camera_part"]
+    images = len(Ts_camera_part), camera.height, camera.width
+    for name, shape in (("template_rgb", (*images, 3)), ("template_depth_steps", images)):
+        if arrays[name].shape != shape:
+            raise ValueError(f"{name} is of shape {arrays[name].shape}, for its camera and poses it must be {shape}")
     depth_m = depth_from_steps(arrays["template_depth_steps"], Ts_camera_part, camera)
     templates = TemplateSet(part, camera, Ts_camera_part, arrays["template_rgb"], depth_m)
     continuous = tuple(ContinuousSymmetry.of(row[:3], row[3:]) for row in arrays["symmetries_continuous"])

@@ -53,6 +53,17 @@ def test_edited_headers_of_shards(file: Path, data: st.DataObject) -> None:
             assert found.templates.rgb.shape[1:3] == (found.templates.camera.height, found.templates.camera.width)
 
 
+@pytest.mark.parametrize(("place", "value"), [(0, 1), (1, 31)])
+def test_a_camera_of_another_size_than_the_templates_is_refused(file: Path, place: int, value: int) -> None:
+    with restored(file):
+        arrays = read_arrays(file)
+        header = json.loads(arrays["header.json"].tobytes())
+        header["template_camera"][place] = value
+        write_arrays(file, arrays | {"header.json": np.frombuffer(json.dumps(header).encode(), np.uint8)})
+        with pytest.raises(DatasetError, match="for its camera and poses it must be"):
+            Shard.load(file)
+
+
 @FUZZ
 @given(data=st.data())
 def test_damaged_bins_of_the_detector(tmp_path: Path, data: st.DataObject) -> None:

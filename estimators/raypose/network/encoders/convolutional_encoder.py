@@ -10,6 +10,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from simpick.estimators.raypose.network.config import encoder_widths, norm_groups
 from simpick.estimators.raypose.network.encoders.feature_maps import FeatureMaps
 from simpick.rendering.luminance import LUMINANCE
 
@@ -53,9 +54,9 @@ class ResidualBlock(nn.Module):
     def __init__(self, inputs: int, outputs: int, stride: int) -> None:
         super().__init__()
         self.conv1 = nn.Conv2d(inputs, outputs, 3, stride, 1, bias=False)
-        self.norm1 = nn.GroupNorm(min(8, outputs // 4), outputs)
+        self.norm1 = nn.GroupNorm(norm_groups(outputs), outputs)
         self.conv2 = nn.Conv2d(outputs, outputs, 3, 1, 1, bias=False)
-        self.norm2 = nn.GroupNorm(min(8, outputs // 4), outputs)
+        self.norm2 = nn.GroupNorm(norm_groups(outputs), outputs)
         same = stride == 1 and inputs == outputs
         self.shortcut = nn.Identity() if same else nn.Conv2d(inputs, outputs, 1, stride, bias=False)
 
@@ -70,7 +71,7 @@ class ConvolutionalEncoder(nn.Module):
 
     def __init__(self, width: int) -> None:
         super().__init__()
-        stem, self.fine_width = max(8, width // 6), max(16, width // 3)
+        stem, self.fine_width, _ = encoder_widths(width)
         self.stem = nn.Conv2d(CHANNELS, stem, 5, 2, 2)
         self.blocks = nn.Sequential(
             ResidualBlock(stem, self.fine_width, 2),

@@ -110,6 +110,8 @@ def test_the_small_size_is_under_16_mib_in_half_precision() -> None:
             "crop_px must be 8 times local_cells, the stride of 'simpick', got crop_px=50, local_cells=6",
         ),
         ({"image_encoder": "dinov2_vits14"}, "crop_px must be 14 times local_cells, the stride of 'dinov2_vits14'"),
+        ({"local_width": 34}, "local_width must be a width that groups divide, as multiples of 24 are, got 34"),
+        ({"local_width": 2}, "local_width must be a width that groups divide, as multiples of 24 are, got 2"),
         ({"heads": 3}, "heads must divide width, got heads=3, width=32"),
         ({"padding": 0.9}, "padding must be between 1 and 3, got 0.9"),
         ({"spread_deg": 0.0}, "spread_deg must be above 0 and at most 180, got 0.0"),
