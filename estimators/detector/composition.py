@@ -9,52 +9,43 @@ for names: parts that the image surely holds are the more probable names of its 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, fields
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.special import digamma, gammaln, logsumexp, softmax
 
+from simpick.config import from_json, read_json
+from simpick.errors import ConfigError
+from simpick.estimators.detector.comparison import ComparedInstances
+from simpick.estimators.detector.resemblance import Resemblance, regressors_of
 
-class _Resemblance(NamedTuple):
-    """Similarity of an instance to the most similar of the candidates: a normal distribution.
-
-    Its mean depends on the square of the exposure and on the logarithm of the number of candidates, and deviates from
-    image to image.
-    """
-
-    mean: float
-    exposed: float
-    candidates: float
-    spread: float
-    image_spread: float
+SHIPPED_FILE = Path(__file__).with_name("composition.json")
+_REMEDY = "make it again with: simpick detector-calibrate"
 
 
-class _Fit(NamedTuple):
-    asked: _Resemblance
+@dataclass(frozen=True)
+class InstanceModel:
+    """What is known of instances before an image is seen."""
+
+    asked: Resemblance
     """Of right masks of the asked parts."""
-    foreign: _Resemblance
+    foreign: Resemblance
     """Of right masks of other objects."""
-    fragment: _Resemblance
+    fragment: Resemblance
     """Of masks that overlap no instance by an IoU of one half."""
-    names: tuple[float, float]
-    """Log-odds of names by similarity, and what they gain with the square of the exposure."""
 
 
-# Fitted on 44 images of 33 held-out bins of random parts, of which all, some or none were asked for.
-_KNOWN_DISTANCE = _Fit(
-    _Resemblance(0.697, 0.102, 0.007, 0.095, 0.020),
-    _Resemblance(0.595, 0.025, 0.034, 0.066, 0.041),
-    _Resemblance(0.550, 0.028, 0.024, 0.071, 0.036),
-    (20.8, 21.0),
-)
-_FREE_DISTANCE = _Fit(
-    _Resemblance(0.684, 0.099, 0.011, 0.094, 0.031),
-    _Resemblance(0.610, 0.035, 0.028, 0.070, 0.048),
-    _Resemblance(0.547, 0.013, 0.028, 0.075, 0.033),
-    (20.7, 21.2),
-)
+@dataclass(frozen=True)
+class CompositionModel:
+    """What ``simpick detector-calibrate`` fits."""
+
+    known_distance: InstanceModel
+    free_distance: InstanceModel
+
+
+_FITTED = tuple(field.name for field in fields(CompositionModel))
 _SHARES = np.array([0, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97, 1])
 """Shares of the asked parts among an image's instances that are considered."""
 _NONE, _NOT_ALL = 0.3, 0.65
@@ -67,11 +58,12 @@ _DEVIATION_WEIGHTS = softmax(-0.5 * _DEVIATIONS**2)
 """Deviations of an image that are considered, in standard deviations, and their probabilities."""
 _CONCENTRATIONS = (0.1, 0.3, 1.0, 3.0, 10.0)
 """Of the Dirichlet distribution of the candidates' shares, per candidate: from few kinds to all in equal shares."""
+_LEAST_DENSITY = 1e-9
 _ROUNDS = 12
-_EVIDENCE = 1.5
-"""Weight of the evidence beside the similarity."""
-_BESIDE_VIEWS = 0.6
-"""Weight of the similarity beside the odds from views: the two are not independent."""
+
+# Weights of the log-odds of names: of the similarity, what it gains with the square of the exposure, of the agreement
+# of colours relative to both, and of the odds of views, which are not independent of the similarity.
+_SHAPE, _EXPOSED_SHAPE, _COLOURS, _VIEWS = 12.5, 12.6, 2.5, 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,32 +78,21 @@ class JudgedInstances:
     """Probability that the image shows any of the asked parts."""
 
 
-def judge_instances(
-    similarity: Float[np.ndarray, "instances parts"],
-    evidence: Float[np.ndarray, "instances parts"],
-    view_odds: Float[np.ndarray, "instances parts"] | None,
-    exposure: Float[np.ndarray, "instances"],
-    mask_scores: Float[np.ndarray, "instances"],
-    *,
-    is_distance_known: bool,
-) -> JudgedInstances:
-    """Return what the instances of one image probably are; there must be at least one.
+def judge_instances(instances: ComparedInstances, composition: CompositionModel) -> JudgedInstances:
+    """Return what the instances of one image probably are; there must be at least one."""
+    model = composition.known_distance if instances.is_distance_known else composition.free_distance
+    candidates = instances.similarity.shape[1]
+    log_odds = name_odds(instances)
+    measures = measures_of(instances, log_odds.argmax(axis=1))
+    regressors = regressors_of(instances.exposure, candidates)
+    is_right = np.clip(instances.scores, 0.01, 0.99)
 
-    Where parts are compared with one another, `evidence` adds to the similarities, and `view_odds` are logarithms of
-    odds from another source, if there is one. `mask_scores` are the probabilities that the masks are right.
-    Similarities are lower where the distance is known.
-    """
-    fit = _KNOWN_DISTANCE if is_distance_known else _FREE_DISTANCE
-    exposed, candidates = exposure**2, similarity.shape[1]
-    sharpness = fit.names[0] + fit.names[1] * exposed
-    log_odds = sharpness[:, None] * ((1 if view_odds is None else _BESIDE_VIEWS) * similarity + _EVIDENCE * evidence)
-    log_odds += 0 if view_odds is None else view_odds
-    first = np.take_along_axis(similarity, log_odds.argmax(axis=1)[:, None], axis=1)[:, 0]
-    is_right = np.clip(mask_scores, 0.01, 0.99)
+    def density(kind: Resemblance) -> Float[np.ndarray, "instances deviations"]:
+        return np.exp(kind.log_density(measures, regressors, _DEVIATIONS)) + _LEAST_DENSITY
 
-    asked = is_right[:, None] * _density(first, exposed, candidates, fit.asked)
-    foreign = is_right[:, None] * _density(first, exposed, candidates, fit.foreign)
-    fragment = (1 - is_right) * (_density(first, exposed, candidates, fit.fragment) @ _DEVIATION_WEIGHTS)
+    asked = is_right[:, None] * density(model.asked)
+    foreign = is_right[:, None] * density(model.foreign)
+    fragment = (1 - is_right) * (density(model.fragment) @ _DEVIATION_WEIGHTS)
     # Axes: instances, shares, deviations of the asked parts, deviations of foreign objects.
     of_asked = _SHARES[:, None, None] * asked[:, None, :, None]
     of_all = of_asked + (1 - _SHARES)[:, None, None] * foreign[:, None, None, :] + fragment[:, None, None, None]
@@ -123,16 +104,29 @@ def judge_instances(
     return JudgedInstances(is_asked * names.max(axis=1), names.argmax(axis=1), float(1 - weights[0].sum()))
 
 
-def _density(
-    similarity: Float[np.ndarray, "instances"],
-    exposed: Float[np.ndarray, "instances"],
-    candidates: int,
-    kind: _Resemblance,
-) -> Float[np.ndarray, "instances deviations"]:
-    """Return the density of each similarity for each deviation of the image, without the factor of 2 pi."""
-    mean = kind.mean + kind.exposed * exposed + kind.candidates * np.log(candidates)
-    offset = (similarity - mean)[:, None] - kind.image_spread * _DEVIATIONS
-    return np.exp(-0.5 * (offset / kind.spread) ** 2) / kind.spread + 1e-9
+def name_odds(instances: ComparedInstances) -> Float[np.ndarray, "instances parts"]:
+    """Return the log-odds of each name, but for a constant per instance."""
+    sharpness = _SHAPE + _EXPOSED_SHAPE * instances.exposure**2
+    return sharpness[:, None] * (instances.similarity + _COLOURS * instances.colours) + _VIEWS * instances.views
+
+
+def measures_of(instances: ComparedInstances, part: Int[np.ndarray, "instances"]) -> Float[np.ndarray, "instances 2"]:
+    """Return how much each instance resembles the part of this index, as `Resemblance` takes it."""
+    rows = np.arange(len(part))
+    return np.column_stack([instances.similarity[rows, part], instances.views[rows, part]])
+
+
+def read_composition(file: Path = SHIPPED_FILE) -> CompositionModel:
+    """Return the model that ``simpick detector-calibrate`` wrote to a file.
+
+    Raises:
+        ConfigError: the file is missing or damaged.
+    """
+    try:
+        content = read_json(file)
+        return from_json(CompositionModel, {name: content[name] for name in _FITTED if name in content}, str(file))
+    except ConfigError as error:
+        raise ConfigError(f"{error}; {_REMEDY}") from None
 
 
 def _log_prior(candidates: int) -> Float[np.ndarray, "shares asked foreign"]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,8 @@ from simpick.config import Config, Fraction
 from simpick.estimators.detector.affinities import STRIDE
 from simpick.estimators.detector.checkpoints import load_detector_checkpoint, shipped_detector_checkpoint
 from simpick.estimators.detector.colours import cad_colours, colour_evidence, instance_colours
-from simpick.estimators.detector.composition import judge_instances
+from simpick.estimators.detector.comparison import ComparedInstances
+from simpick.estimators.detector.composition import CompositionModel, judge_instances, read_composition
 from simpick.estimators.detector.naming import PartNaming
 from simpick.estimators.detector.scores import exposure
 from simpick.estimators.detector.segmenter import InstanceSegmenter
@@ -38,8 +40,6 @@ class LearnedDetectorConfig(Config):
     """An image that shows any of the parts with a lower probability gives no detections."""
     colours: bool = True
     """Whether the colours of the CAD help to name instances, as far as they agree with the image."""
-    views: bool = True
-    """Whether the pose network's embeddings of views help to name instances."""
 
 
 class LearnedDetector:
@@ -58,10 +58,15 @@ class LearnedDetector:
         checkpoint = load_detector_checkpoint(weights or shipped_detector_checkpoint())
         self.segmenter = InstanceSegmenter(checkpoint.network, checkpoint.score)
         self.naming = PartNaming()
-        self.view_naming = ViewNaming() if self.config.views else None
+        self.view_naming = ViewNaming()
         self._checked: set[frozenset[tuple[str, str]]] = set()
         self._seen: tuple[np.ndarray, np.ndarray] | None = None
         """The last image and its foreground, so that asking for both runs the network once."""
+
+    @cached_property
+    def composition(self) -> CompositionModel:
+        """Return the distributions that instances are judged by; raises ConfigError if they are missing or damaged."""
+        return read_composition()
 
     @property
     def min_visible_px(self) -> int:
@@ -71,8 +76,7 @@ class LearnedDetector:
     def onboard(self, part: Part) -> None:
         """Prepare the part's templates, or take them from the cache; `detect` does it for parts that are new."""
         self.naming.onboard(part)
-        if self.view_naming is not None:
-            self.view_naming.onboard(part)
+        self.view_naming.onboard(part)
 
     def detect(self, frame: CameraFrame, parts: Sequence[Part]) -> list[Detection]:
         """Return detections of these parts, the most probable first; none for what is none of the parts.
@@ -89,39 +93,50 @@ class LearnedDetector:
         if not parts:
             return []
         self._warn_of_alike(parts)
+        instances = self.compare(frame, parts)
+        if not instances.masks:
+            return []
+        judged = judge_instances(instances, self.composition)
+        if judged.presence < self.config.min_presence:
+            return []
+        detections = [
+            Detection(parts[int(part)].name, box_of_mask(mask), mask, float(score))
+            for mask, part, score in zip(instances.masks, judged.part, judged.probability, strict=True)
+            if score >= self.config.min_score
+        ]
+        return sorted(detections, key=lambda detection: -detection.score)
+
+    def compare(self, frame: CameraFrame, parts: Sequence[Part]) -> ComparedInstances:
+        """Return all instances of the image, whatever they are, and how they compare with these parts.
+
+        Raises:
+            ConfigError: as `detect`.
+        """
 
         def judge(masks: Sequence[Bool[np.ndarray, "height width"]]) -> Float[np.ndarray, "masks"]:
             return self.naming.compare(frame, masks, parts).similarity.max(axis=1)
 
         found = self.segmenter.segment(frame.rgb, judge)
         self._seen = frame.rgb.copy(), found.foreground
-        if not found.masks:
-            return []
-        named = self.naming.compare(frame, found.masks, parts)
-        similarity = named.similarity
-        evidence, view_odds = np.zeros(similarity.shape), None
-        # Both only compare parts with one another.
-        if self.config.colours and len(parts) > 1:
-            colours = instance_colours(frame.rgb, found.masks)
-            evidence = colour_evidence(similarity, found.scores, colours, cad_colours(parts))
-        if self.view_naming is not None and len(parts) > 1:
-            view_odds = self.view_naming.compare(frame, found.masks, parts)
-        judged = judge_instances(
-            similarity,
-            evidence,
-            view_odds,
-            exposure(found.masks),
-            found.scores,
-            is_distance_known=named.is_distance_known,
+        return self.compare_masks(frame, found.masks, found.scores, parts)
+
+    def compare_masks(
+        self,
+        frame: CameraFrame,
+        masks: list[Bool[np.ndarray, "height width"]],
+        scores: Float[np.ndarray, "instances"],
+        parts: Sequence[Part],
+    ) -> ComparedInstances:
+        """Return how given masks, right with these probabilities, compare with these parts."""
+        named = self.naming.compare(frame, masks, parts)
+        colours = np.zeros(named.similarity.shape)
+        if self.config.colours and len(masks) and len(parts) > 1:
+            seen = instance_colours(frame.rgb, masks)
+            colours = colour_evidence(named.similarity, scores, seen, cad_colours(parts))
+        views = self.view_naming.compare(frame, masks, parts) if masks else np.zeros(named.similarity.shape)
+        return ComparedInstances(
+            masks, scores, exposure(masks), named.similarity, views, colours, named.is_distance_known
         )
-        if judged.presence < self.config.min_presence:
-            return []
-        detections = [
-            Detection(parts[int(part)].name, box_of_mask(mask), mask, float(score))
-            for mask, part, score in zip(found.masks, judged.part, judged.probability, strict=True)
-            if score >= self.config.min_score
-        ]
-        return sorted(detections, key=lambda detection: -detection.score)
 
     def foreground(self, frame: CameraFrame) -> Bool[np.ndarray, "height width"]:
         """Return the pixels that show parts, detected or not; costs nothing for the image of the last `detect`.

@@ -49,6 +49,7 @@ COMMANDS = {
     "ablate": "ablate:Ablate",
     "refiner basin": "refiner:RefinerBasin",
     "refiner calibrate": "refiner:RefinerCalibrate",
+    "detector-calibrate": "detector_calibrate:DetectorCalibrate",
     "benchmark": "benchmark:Benchmark",
     "soak": "soak:Soak",
     "doctor": "doctor:Doctor",

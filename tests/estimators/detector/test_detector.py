@@ -110,17 +110,19 @@ def test_the_distance_is_that_of_the_floor_where_the_camera_pose_is_known(
     assert not free.is_distance_known and (free.similarity.mean() > named.similarity.mean())
 
 
-def test_parts_of_another_size_are_less_probable_where_the_distance_is_known(
-    detector: LearnedDetector, found: list[Detection], seen_bin: SeenBin
+def test_parts_of_another_size_are_less_similar_where_the_distance_is_known(
+    detector: LearnedDetector, seen_bin: SeenBin
 ) -> None:
     # From twice as high, what looks like these parts is twice as large.
-    T_world_camera = seen_bin.frame.T_world_camera.copy()
-    T_world_camera[2, 3] *= 2
-    larger = detector.detect(replace(seen_bin.frame, T_world_camera=T_world_camera), seen_bin.parts)
-    unknown = detector.detect(replace(seen_bin.frame, T_world_camera=np.eye(4)), seen_bin.parts)
-    total = sum(detection.score for detection in found)
-    assert sum(detection.score for detection in larger) < 0.9 * total
-    assert sum(detection.score for detection in unknown) > 0.9 * total
+    frame, higher = seen_bin.frame, seen_bin.frame.T_world_camera.copy()
+    higher[2, 3] *= 2
+    right, larger, unknown = (
+        detector.compare(replace(frame, T_world_camera=T), seen_bin.parts)
+        for T in (frame.T_world_camera, higher, np.eye(4))
+    )
+    assert right.is_distance_known and larger.is_distance_known and not unknown.is_distance_known
+    means = [compared.similarity.max(axis=1).mean() for compared in (right, larger, unknown)]
+    assert means[1] < means[0] - 0.03 and means[2] > means[0] - 0.01
 
 
 def test_permuting_the_simulator_ids_changes_nothing(
@@ -177,17 +179,14 @@ def test_colours_can_be_left_out(seen_bin: SeenBin, monkeypatch: pytest.MonkeyPa
     assert is_same(LearnedDetector().detect(seen_bin.frame, seen_bin.parts), shapes) and len(asked) == 1
 
 
-def test_views_are_compared_only_where_there_are_several_parts(
-    detector: LearnedDetector, seen_bin: SeenBin, monkeypatch: pytest.MonkeyPatch
+def test_views_are_compared_with_one_part_too(
+    detector: LearnedDetector, found: list[Detection], seen_bin: SeenBin, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(detector, "view_naming", None)
-    without = detector.detect(seen_bin.frame, seen_bin.parts)
-    assert not is_same(without, LearnedDetector().detect(seen_bin.frame, seen_bin.parts))
-    alone = seen_bin.parts[:1]
-    assert is_same(detector.detect(seen_bin.frame, alone), LearnedDetector().detect(seen_bin.frame, alone))
-    assert is_same(
-        LearnedDetector(config=LearnedDetectorConfig(views=False)).detect(seen_bin.frame, seen_bin.parts), without
-    )
+    compare, alone = detector.view_naming.compare, seen_bin.parts[:1]
+    before = detector.detect(seen_bin.frame, alone)
+    monkeypatch.setattr(detector.view_naming, "compare", lambda *arguments: compare(*arguments) - 20)
+    assert before and not is_same(detector.detect(seen_bin.frame, alone), before)
+    assert not is_same(detector.detect(seen_bin.frame, seen_bin.parts), found)
 
 
 def test_an_image_of_another_size_than_its_camera_is_refused(detector: LearnedDetector, seen_bin: SeenBin) -> None:
