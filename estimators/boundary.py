@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Bool
 
+from simpick.activity import counted
 from simpick.errors import PluginError, SimpickError
 from simpick.estimators.base import (
     BatchPoseEstimator,
@@ -51,6 +52,18 @@ def onboard_part(plugin: OnboardingDetector | PoseEstimator | PoseRefiner, part:
     """
     with _asked("plug-in", plugin):
         plugin.onboard(part)
+
+
+def onboard_parts(plugins: Sequence[Detector | PoseEstimator | PoseRefiner], parts: Sequence[Part]) -> None:
+    """Let plug-ins prepare for parts, one part after the other; detectors that need no preparation are left out.
+
+    Raises:
+        PluginError, SimpickError: as `onboard_part`.
+    """
+    preparing = [p for p in plugins if isinstance(p, OnboardingDetector) or not isinstance(p, Detector)]
+    for part in counted(parts, "preparing part"):
+        for plugin in preparing:
+            onboard_part(plugin, part)
 
 
 def validated_detections(detector: Detector, frame: CameraFrame, parts: Sequence[Part]) -> list[Detection]:

@@ -7,7 +7,7 @@ few seconds, so that no command is silent.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence, Sized
 from contextlib import contextmanager, suppress
 from datetime import timedelta
 from threading import Event, Thread
@@ -31,6 +31,8 @@ from rich.progress import (
 from rich.progress import Progress as RichProgress
 from rich.table import Table as Table
 from rich.text import Text as Text
+
+from simpick.activity import current_activity
 
 _Item = TypeVar("_Item")
 
@@ -61,6 +63,16 @@ class Console(rich_console.Console):
     def print_line(self, text: str) -> None:
         """Print text as it is; only the terminal wraps it, so that a path can be copied."""
         self.print(text, soft_wrap=True)
+
+
+class _ActivityColumn(TextColumn):
+    """What is being done at this moment; lines say it themselves, at their end."""
+
+    def __init__(self) -> None:
+        super().__init__("", markup=False)
+
+    def render(self, task: Task) -> Text:
+        return Text(current_activity() if not task.finished else "", style="dim")
 
 
 class Progress(RichProgress):
@@ -102,10 +114,13 @@ class Progress(RichProgress):
     def _write_lines(self, tasks: Iterable[Task]) -> None:
         for task in tasks:
             columns = [column for column in self.columns if isinstance(column, ProgressColumn)]
-            shown = [column.render(task) for column in columns if not isinstance(column, TimeRemainingColumn)]
+            apart = (TimeRemainingColumn, _ActivityColumn)
+            shown = [column.render(task) for column in columns if not isinstance(column, apart)]
             words = [text.plain for text in shown if isinstance(text, Text) and text.plain]
             if task.time_remaining:
                 words.append(f"{task.time_remaining:.0f} s left")
+            if activity := current_activity():
+                words.append(f"({activity})")
             self.console.print(" ".join(words), soft_wrap=True, markup=False, highlight=False)
 
 
@@ -132,6 +147,7 @@ def progress_bar(console: Console | None = None, *, keep: bool = False) -> Progr
         MofNCompleteColumn(),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
+        _ActivityColumn(),
         console=console,
         transient=not keep,
     )
@@ -144,6 +160,7 @@ def working(description: str, console: Console | None = None) -> Iterator[None]:
         SpinnerColumn(),
         TextColumn("{task.description}", markup=False),
         TimeElapsedColumn(),
+        _ActivityColumn(),
         console=console,
         transient=True,
     ) as display:
@@ -166,7 +183,8 @@ def breaking_silence(command: str) -> Iterator[None]:
             if not _displays and now_s - max(begun_s, _last_text_s) >= patience_s:
                 patience_s = LINE_EVERY_S
                 with suppress(OSError):
-                    Console().print_line(f"simpick {command}: at work, {timedelta(seconds=int(now_s - begun_s))}")
+                    work = current_activity() or "at work"
+                    Console().print_line(f"simpick {command}: {work}, {timedelta(seconds=int(now_s - begun_s))}")
 
     watcher = Thread(target=watch, name="silence", daemon=True)
     watcher.start()
@@ -193,7 +211,9 @@ def share_bar(before: str, after: str, end: str, *, console: Console) -> Progres
 def track(
     items: Iterable[_Item], description: str, *, total: int | None = None, console: Console | None = None
 ) -> Iterator[_Item]:
-    """Yield the items while a progress bar counts those that were consumed."""
+    """Yield the items while a progress bar counts those that were consumed; `total` is for those without a length."""
+    if total is None and isinstance(items, Sized):
+        total = len(items)
     with progress_bar(console) as bar:
         task = bar.add_task(description, total=total)
         for item in items:

@@ -6,6 +6,7 @@ import time
 import pytest
 
 from simpick import terminal
+from simpick.activity import counted, current_activity, doing
 from simpick.terminal import Console, breaking_silence, narrow_table, progress_bar, share_bar, track, working
 
 
@@ -135,3 +136,40 @@ def test_progress_and_text_are_no_silence(hurried, monkeypatch: pytest.MonkeyPat
     before = time.monotonic()
     Console(file=shown).print_line("a line")
     assert terminal._last_text_s >= before
+
+
+def test_lines_and_bars_say_what_is_being_done(hurried) -> None:
+    stream, drawn = io.StringIO(), io.StringIO()
+    with progress_bar(Console(file=stream)) as bar:
+        bar.add_task("detecting", total=2)
+        for _ in counted("ab", "preparing part"):
+            wait_for(stream, f"detecting 0/2 0:00:00 ({current_activity()})\n")
+    assert "(preparing part 1/2)" in stream.getvalue() and "(preparing part 2/2)" in stream.getvalue()
+    with doing("preparing part 3/9"), progress_bar(Console(file=drawn, force_terminal=True, width=120)) as bar:
+        bar.add_task("detecting", total=2)
+        bar.refresh()
+    assert "preparing part 3/9" in drawn.getvalue()
+
+
+def test_a_command_without_progress_says_what_it_does(hurried, monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = io.StringIO()
+    monkeypatch.setattr("sys.stdout", stream)
+    with breaking_silence("estimate"), doing("preparing part 1/4"):
+        wait_for(stream, "simpick estimate: preparing part 1/4, 0:00:00\n")
+
+
+def test_activities_nest_and_end_with_errors() -> None:
+    with pytest.raises(RuntimeError), doing("outer"), doing("inner"):
+        assert current_activity() == "outer, inner"
+        raise RuntimeError
+    assert current_activity() == ""
+    numbers = counted([5, 6], "part")
+    assert next(numbers) == 5 and current_activity() == "part 1/2"
+    numbers.close()
+    assert current_activity() == "", "also where a loop is left early"
+
+
+def test_what_has_a_length_is_counted_against_it(hurried) -> None:
+    stream = io.StringIO()
+    for k, _ in enumerate(track(("a", "b"), "reading", console=Console(file=stream))):
+        wait_for(stream, f"reading {k}/2")

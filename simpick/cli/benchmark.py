@@ -50,6 +50,7 @@ class Benchmark:
 
         with working("picking, rendering and timing"):
             figures = measure_simulator(self.config)
+        with working("timing environments of other packages"):
             peers = measure_peers(self.peer_python)
         rows = {
             "attempts": f"{figures.attempts}",

@@ -43,7 +43,7 @@ class DetectorCalibrate(Config):
             raise OutputError(f"{self.out} exists already. Choose another file with --out, or pass --overwrite.")
         torch.set_num_threads(1)
         console, detector, answers = Console(), LearnedDetector(), []
-        for bin in track(calibration_bins(self.bins), "asking in random bins", total=self.bins, console=console):
+        for bin in track(calibration_bins(self.bins), "asking in random bins", console=console):
             try:
                 view = load_view(bin)
             except SceneError as error:

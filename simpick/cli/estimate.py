@@ -111,7 +111,7 @@ class Estimate(Config):
         ):
             files = PoseFiles(parts, self.mode, probabilities=estimator.gives_probabilities)
             try:
-                for k, image in enumerate(track(images, "images", total=len(images), console=console)):
+                for k, image in enumerate(track(images, "images", console=console)):
                     answer = self._answer(image, reader, calibration, estimator, source)
                     recording.add(k, answer)
                     files.add(answer)

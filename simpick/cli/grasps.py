@@ -37,7 +37,7 @@ class GraspsShow:
         title = "verified grasps; share of resting poses with two feasible ones"
         table = narrow_table("part", *columns, title=title)
         names = self.parts or library_part_names()
-        for name in track(names, "verifying grasps", total=len(names)):
+        for name in track(names, "verifying grasps"):
             part = get_part(name)
             row = [part.name]
             for gripper in self.grippers:
@@ -68,7 +68,7 @@ class GraspsBuild(Config):
         jobs = [(name, gripper) for name in library_part_names() for gripper in GRIPPERS]
         with WorkerPool(self.workers, UNLIMITED) as pool:
             calls = [pool.submit(_build, job) for job in jobs]
-            for call in track(calls, "verifying grasps", total=len(calls), console=console):
+            for call in track(calls, "verifying grasps", console=console):
                 console.print(call.result())
         return 0
 

@@ -40,7 +40,7 @@ class PartsList:
         table = narrow_table("name", "from", "symmetry", "extents, mm", "mass, g", "pieces", title="Parts", labels=3)
         library = set(library_part_names())
         names = part_names()
-        for name in track(names, "reading parts", total=len(names)):
+        for name in track(names, "reading parts"):
             part = get_part(name)
             source = "library" if name in library else "added"
             symmetry = describe_symmetry(part.symmetries)
@@ -72,7 +72,7 @@ class PartsShow(Config):
 
         check_image(self.out, overwrite=self.overwrite)
         names = self.parts or tuple(part_names())
-        parts = [get_part(name) for name in track(names, "reading parts", total=len(names))]
+        parts = [get_part(name) for name in track(names, "reading parts")]
         labels = [f"{part.name}\n{_extents(part)} mm, {part.mass_kg * 1e3:.0f} g" for part in parts]
         with working(f"drawing {len(parts)} parts"):
             sheet = contact_sheet(parts, labels, columns=self.columns, cell_px=self.cell_px)
@@ -209,7 +209,7 @@ def describe_files(parts: Iterable[str], gripper: str) -> list[str]:
 
     lines = []
     names = list(dict.fromkeys(parts))
-    options = {name: gripping(get_part(name), gripper) for name in track(names, "checking grasps", total=len(names))}
+    options = {name: gripping(get_part(name), gripper) for name in track(names, "checking grasps")}
     for name, option in options.items():
         part = get_part(name)
         if is_mesh_path(name):

@@ -39,13 +39,14 @@ class RefinerBasin(Config):
         from simpick.estimators.refiner import Refiner
         from simpick.pose_eval.benchmark_bins import benchmark_bins, load_view
         from simpick.pose_eval.refiner_basin import measure_basin, plot_basin
-        from simpick.terminal import Console, track, working
+        from simpick.terminal import Console, track
 
         check_image(self.out, overwrite=self.overwrite)
         console = Console()
         views = [load_view(bin) for bin in track(benchmark_bins(self.bins), "making bins", console=console)]
-        with Refiner() as refiner, working("refining from known offsets", console):
-            points = measure_basin(views, refiner, self.starts_deg, self.depth_percent / 100, self.seed)
+        with Refiner() as refiner:
+            shown = track(views, "refining from known offsets", console=console)
+            points = measure_basin(shown, refiner, self.starts_deg, self.depth_percent / 100, self.seed)
         plot_basin(points, self.out)
         console.print_line(f"{len(points)} refinements: {self.out}")
         return 0
@@ -99,7 +100,7 @@ class RefinerCalibrate(Config):
             random_bin,
             write_confidence,
         )
-        from simpick.terminal import Console, track, working
+        from simpick.terminal import Console, track
 
         check_image(self.out / "reliability.png", overwrite=self.overwrite)
         # Before any bin is made, so that a wrong name costs no time. The shipped weights may be damaged, or of other
@@ -117,9 +118,9 @@ class RefinerCalibrate(Config):
         held_out: dict[str, Outcomes] = {}
         for name, estimator in estimators.items():
             try:
-                with working(f"refining the poses of {name}", console):
-                    fitted_on[name] = outcomes(fit, estimator, self.detections)
-                    held_out[name] = outcomes(check, estimator, self.detections)
+                for views, own, kind in ((fit, fitted_on, "random bins"), (check, held_out, "bins to check on")):
+                    shown = track(views, f"refining the poses of {name}, {kind}", console=console)
+                    own[name] = outcomes(shown, estimator, self.detections)
             finally:
                 estimator.close()
         every = pooled(fitted_on.values())

@@ -74,6 +74,6 @@ class TemplatesMake:
 
         config = TemplateConfig(views=self.views, size_px=self.size_px)
         parts = [get_part(name) for name in self.parts or part_names()]
-        for part in track(parts, "templates", total=len(parts)):
+        for part in track(parts, "templates"):
             load_templates(part, config)
         return 0

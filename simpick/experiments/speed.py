@@ -11,6 +11,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from simpick.activity import counted, doing
 from simpick.envs.bin_pick import BinPickEnv
 from simpick.envs.bin_servo import BinServoEnv
 from simpick.experiments.config import RunConfig
@@ -88,11 +89,12 @@ def measure_simulator(config: RunConfig) -> SimulatorSpeed:
     """Run the episodes of `config` and return their speed."""
     wall_s = reset_s = simulated_s = physics_s = render_s = 0.0
     attempts = 0
-    run_configured_episode(config, 0)  # Fills the caches: grasps, templates, compiled shaders.
+    with doing("a first bin, for grasps, templates and shaders"):
+        run_configured_episode(config, 0)
     env = make_env(config)
     try:
         policy = make_policy(config, env, config.seed)
-        for episode in range(config.episodes):
+        for episode in counted(range(config.episodes), "bin"):
             start = time.perf_counter()
             observation, info = env.reset(seed=config.seed + episode)
             policy.reset()
@@ -108,9 +110,12 @@ def measure_simulator(config: RunConfig) -> SimulatorSpeed:
                 render_s += rendering()
             wall_s += time.perf_counter() - filled
         steps = round(simulated_s / env.scene.model.opt.timestep)
-        images_per_s = _images_per_s(env)
+        with doing("images"):
+            images_per_s = _images_per_s(env)
     finally:
         env.close()
+    with doing("control steps"):
+        servo = measure_servo(config)
     return SimulatorSpeed(
         attempts,
         simulated_s,
@@ -120,7 +125,7 @@ def measure_simulator(config: RunConfig) -> SimulatorSpeed:
         physics_s,
         render_s,
         images_per_s,
-        measure_servo(config),
+        servo,
     )
 
 

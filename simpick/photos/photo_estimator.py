@@ -14,8 +14,8 @@ from jaxtyping import Float, Float32
 from simpick.assets.part import Part
 from simpick.closing import Closing
 from simpick.errors import ConfigError
-from simpick.estimators.base import Detector, OnboardingDetector
-from simpick.estimators.boundary import onboard_part, validated_detections, validated_estimates
+from simpick.estimators.base import Detector
+from simpick.estimators.boundary import onboard_parts, validated_detections, validated_estimates
 from simpick.estimators.detections import find_detector
 from simpick.estimators.detector import LearnedDetector, LearnedDetectorConfig
 from simpick.estimators.registry import EstimatorName, find_estimator, load_estimator
@@ -80,8 +80,7 @@ class PhotoEstimator(Closing):
         """Whether scores are probabilities that a pose is good enough to pick by."""
         self._depth = PosedDepthRenderer()
         self._onboarded_detectors: set[int] = set()
-        for part in parts:
-            onboard_part(self.estimator, part)
+        onboard_parts([self.estimator], parts)
 
     def estimate(
         self,
@@ -99,9 +98,8 @@ class PhotoEstimator(Closing):
         start = time.perf_counter()
         frame = camera.frame(rgb)
         if isinstance(detections, Detector):
-            if id(detections) not in self._onboarded_detectors and isinstance(detections, OnboardingDetector):
-                for part in self.parts.values():
-                    onboard_part(detections, part)
+            if id(detections) not in self._onboarded_detectors:
+                onboard_parts([detections], list(self.parts.values()))
             self._onboarded_detectors.add(id(detections))
             start = time.perf_counter()
             found = validated_detections(detections, frame, list(self.parts.values()))

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 
 from simpick.assets.part import Part
 from simpick.estimators.base import Detector, PoseRefiner
-from simpick.estimators.boundary import onboard_part, validated_detections, validated_refinements
+from simpick.estimators.boundary import onboard_parts, validated_detections, validated_refinements
 from simpick.geometry import invert
 from simpick.geometry.transforms import transform_points
 from simpick.records import CameraFrame, PoseEstimate, PoseHypothesis
@@ -27,8 +27,7 @@ class CloserLook:
         """Onboard the parts, which may render templates."""
         self._refiner, self._detector = refiner, detector
         self._parts = {part.name: part for part in parts}
-        for part in parts:
-            onboard_part(refiner, part)
+        onboard_parts([refiner], parts)
 
     def refined(
         self, frame: CameraFrame, part_name: str, T_world_part: Float[np.ndarray, "4 4"]

@@ -10,9 +10,9 @@ import numpy as np
 from jaxtyping import Bool
 
 from simpick.assets.part import Part
-from simpick.estimators.base import Detector, ForegroundDetector, OnboardingDetector, PoseEstimator, SizedDetector
+from simpick.estimators.base import Detector, ForegroundDetector, PoseEstimator, SizedDetector
 from simpick.estimators.boundary import (
-    onboard_part,
+    onboard_parts,
     validated_detections,
     validated_estimates,
     validated_foreground,
@@ -52,10 +52,7 @@ class Perception:
 
     def onboard(self, parts: Sequence[Part]) -> None:
         """Prepare the estimator for these parts, and the detector if it needs that."""
-        for part in parts:
-            onboard_part(self.estimator, part)
-            if isinstance(self.detector, OnboardingDetector):
-                onboard_part(self.detector, part)
+        onboard_parts([self.estimator, self.detector], parts)
 
     def perceive(self, frame: CameraFrame, parts: Sequence[Part]) -> Percept:
         """Detect these parts in the frame and estimate their poses, all in one batch."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from simpick.assets.library import get_part
 from simpick.estimators.base import Detector
-from simpick.estimators.boundary import validated_detections
+from simpick.estimators.boundary import onboard_parts, validated_detections
 from simpick.metrics.intervals import Interval, percentile_interval, resample_bins
 from simpick.metrics.mask_scores import CONFIDENT, MaskScores
 from simpick.metrics.masks import MaskOverlaps, mask_overlaps, match_masks
@@ -49,7 +49,8 @@ def detect_bins(
     for bin in track(bins, "detecting", console=console):
         view = load_view(bin)
         parts = [get_part(name) for name in bin.config.parts]
-        # The first detection of a part includes making its templates.
+        onboard_parts([detector], parts)
+        # A detector that has no `onboard` may prepare for parts when it first sees them.
         if not found or any(part.name not in found[-1].bin.config.parts for part in parts):
             validated_detections(detector, view.frame, parts)
         start = time.perf_counter()

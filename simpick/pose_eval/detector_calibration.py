@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Int
 
+from simpick.activity import counted
 from simpick.assets.library import get_part
 from simpick.caching import atomic_write_text
 from simpick.errors import ConfigError
-from simpick.estimators.boundary import without_truth
+from simpick.estimators.boundary import onboard_parts, without_truth
 from simpick.estimators.detector import LearnedDetector
 from simpick.estimators.detector.comparison import ComparedInstances
 from simpick.estimators.detector.composition import CompositionModel, InstanceModel, measures_of, name_odds
@@ -97,8 +98,9 @@ def label_bin(detector: LearnedDetector, bin: BenchmarkBin, view: BinView) -> It
     """Yield for each request what was found, compared with the distance known and, the same masks, without it."""
     known = without_truth(view.frame)
     free = type(known)(known.rgb, known.camera, np.eye(4))
-    for names in requests(bin, view):
+    for names in counted(requests(bin, view), "request"):
         parts = [get_part(name) for name in names]
+        onboard_parts([detector], parts)
         found = detector.compare(known, parts)
         if found.masks:
             shown = _shown(view, found, names)

@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from simpick.activity import counted
 from simpick.assets.part import Part
 from simpick.core_time import CoreTime, measured_core_time
 from simpick.errors import ConfigError
@@ -70,7 +71,8 @@ class EstimatorSource(PoseSource):
 
     def prepare(self, image: PoseImage) -> None:
         """Onboard new parts."""
-        for name in sorted({detection.part for detection in image.detections} - self._onboarding_s.keys()):
+        new = sorted({detection.part for detection in image.detections} - self._onboarding_s.keys())
+        for name in counted(new, "preparing part"):
             start = time.perf_counter()
             onboard_part(self._estimator, self._part_of(name))
             self._onboarding_s[name] = time.perf_counter() - start

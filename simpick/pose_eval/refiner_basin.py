@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -70,7 +70,7 @@ class PerturbedTruths(PoseSource):
 
 
 def measure_basin(
-    views: Sequence[BinView], refiner: Refiner, starts_deg: Sequence[float], depth_fraction: float, seed: int
+    views: Iterable[BinView], refiner: Refiner, starts_deg: Sequence[float], depth_fraction: float, seed: int
 ) -> list[BasinPoint]:
     """Refine every part that is at least a tenth visible from each of these rotation errors, one start each."""
     rng = np.random.default_rng(seed)

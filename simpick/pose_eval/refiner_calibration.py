@@ -13,7 +13,7 @@ from jaxtyping import Float, Int
 
 from simpick.assets.library import get_part
 from simpick.caching import atomic_write_text
-from simpick.estimators.boundary import without_truth
+from simpick.estimators.boundary import onboard_parts, without_truth
 from simpick.estimators.pose_selection import best_per_group
 from simpick.estimators.refiner.confidence import FEATURES, GOOD_DEG, GOOD_MM, Confidence
 from simpick.estimators.refiner.refined_estimator import RefinedEstimator
@@ -66,8 +66,7 @@ def outcomes(views: Iterable[BinView], estimator: RefinedEstimator, detections: 
     """Refine the poses of all parts in these bins, with each of these detections by name."""
     detection, features, good = [], [], []
     for image in (view.image(name) for view in views for name in detections):
-        for name in sorted({found.part for found in image.detections}):
-            estimator.onboard(get_part(name))
+        onboard_parts([estimator], [get_part(name) for name in sorted({found.part for found in image.detections})])
         for found, finalists in estimator.finalists(without_truth(image.frame), image.detections):
             truth = _truth_of(image, found)
             number = detection[-1] + 1 if detection else 0

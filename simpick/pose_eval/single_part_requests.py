@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from simpick.activity import counted
 from simpick.assets.library import get_part
 from simpick.estimators.base import Detector
-from simpick.estimators.boundary import validated_detections
+from simpick.estimators.boundary import onboard_parts, validated_detections
 from simpick.metrics.intervals import Interval, percentile_interval, resample_bins
 from simpick.metrics.masks import match_masks
 from simpick.pose_eval.benchmark_bins import MIXED_PARTS, BenchmarkBin, load_view
@@ -52,9 +53,11 @@ def ask_for_single_parts(
     answers = []
     for bin in track(bins, "asking", console=console):
         view = load_view(bin)
-        for part in _requests(bin, view):
-            detections = validated_detections(detector, view.frame, [get_part(part)])
-            answers.append(judge_answer(bin, view, part, detections))
+        parts = [get_part(name) for name in _requests(bin, view)]
+        onboard_parts([detector], parts)
+        for part in counted(parts, "request"):
+            detections = validated_detections(detector, view.frame, [part])
+            answers.append(judge_answer(bin, view, part.name, detections))
     return answers
 
 

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
+from simpick.activity import counted
 from simpick.assets.part import Part
 from simpick.geometry.pinhole import Pinhole
 from simpick.geometry.transforms import invert, look_at
@@ -33,7 +34,7 @@ def contact_sheet(
     rows = -(-len(parts) // columns)
     columns = min(columns, len(parts))
     sheet = np.full((rows * (cell_px + text_px), columns * cell_px, 3), _BACKGROUND, np.uint8)
-    for k, (part, label) in enumerate(zip(parts, labels, strict=True)):
+    for k, (part, label) in enumerate(counted(list(zip(parts, labels, strict=True)), "picture")):
         row, column = divmod(k, columns)
         top, left = row * (cell_px + text_px), column * cell_px
         distance = 0.62 * part.diameter_m / np.sin(np.radians(_FOVY_DEG / 2))

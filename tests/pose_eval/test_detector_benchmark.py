@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from simpick.activity import current_activity
 from simpick.geometry import Pinhole, box_of_mask
 from simpick.pose_eval.benchmark_bins import benchmark_bins
 from simpick.pose_eval.bin_images import BinView
-from simpick.pose_eval.detector_benchmark import compare_bin, detection_intervals, figures_table
+from simpick.pose_eval.detector_benchmark import compare_bin, detect_bins, detection_intervals, figures_table
 from simpick.pose_eval.pose_images import PoseTruth
 from simpick.records import CameraFrame, Detection
 
@@ -55,3 +56,24 @@ def test_the_table_has_a_column_for_each_kind_of_bin(view: BinView) -> None:
         "mixed (1 bins)",
         "homogeneous (1 bins)",
     ]
+
+
+def test_parts_are_prepared_before_the_time_counts_and_it_is_stated_how_many(
+    view: BinView, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stated = []
+
+    class Prepares:
+        def onboard(self, part) -> None:
+            stated.append(current_activity())
+
+        def detect(self, frame, parts) -> list[Detection]:
+            stated.append("detect")
+            return []
+
+    bin = benchmark_bins(1)[0]
+    monkeypatch.setattr("simpick.pose_eval.detector_benchmark.load_view", lambda _: view)
+    detect_bins(Prepares, [bin])
+    count = len(bin.config.parts)
+    assert stated[:count] == [f"preparing part {k}/{count}" for k in range(1, count + 1)]
+    assert set(stated[count:]) == {"detect"}

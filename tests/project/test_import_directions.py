@@ -14,6 +14,7 @@ ROOMS = (
     "errors",
     "json_text",
     "closing",
+    "activity",
     "caching",
     "config",
     "folder_lock",
