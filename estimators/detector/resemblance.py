@@ -9,19 +9,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Interval
 from jaxtyping import Float
 
-from simpick.config import PositiveFloat
+from simpick.config import Config
+from simpick.errors import ConfigError
 
 MEASURES, REGRESSORS = 2, 3
 _ROUNDS = 200
-_Pair = tuple[float, float]
+_Value = Annotated[float, Interval(ge=-1e6, le=1e6)]
+_Pair = tuple[_Value, _Value]
+_LEAST_VARIANCE = 1e-9
+"""Along any axis; what varies less is a fault, for the measures of images vary by more."""
 
 
 @dataclass(frozen=True)
-class Resemblance:
+class Resemblance(Config):
     """Measures of instances of one kind."""
 
     mean: tuple[_Pair, _Pair, _Pair]
@@ -30,8 +36,13 @@ class Resemblance:
     """Of instances of one image."""
     deviation: _Pair
     """One standard deviation of an image's mean; both measures deviate together."""
-    freedom: PositiveFloat | None
+    freedom: Annotated[float, Interval(ge=1, le=1e6)] | None
     """Degrees of freedom of Student's t distribution, whose tails are heavy; None for a normal one."""
+
+    def _check_rules(self) -> None:
+        covariance = np.array(self.covariance)
+        if not np.allclose(covariance, covariance.T) or np.linalg.eigvalsh(covariance)[0] < _LEAST_VARIANCE:
+            raise ConfigError(f"covariance must be symmetric and positive definite, got {covariance.tolist()}")
 
     def log_density(
         self,

@@ -10,8 +10,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Interval
 from jaxtyping import Float
 
 from simpick.config import from_json, read_json
@@ -24,6 +26,7 @@ GOOD_MM, GOOD_DEG = 5.0, 10.0
 """A pose is good enough below these errors, which the jaw tolerates in nearly all cases (``simpick sweep``)."""
 _GOOD = {"mm": GOOD_MM, "deg": GOOD_DEG}
 _REMEDY = "make it again with: simpick refiner calibrate"
+_Weight = Annotated[float, Interval(ge=-1e6, le=1e6)]
 
 
 @dataclass(frozen=True)
@@ -44,8 +47,8 @@ class Confidence:
 class _Stored:
     """What is read of the file."""
 
-    bias: float
-    weights: dict[str, float]
+    bias: _Weight
+    weights: dict[str, _Weight]
     good: dict[str, float]
 
 

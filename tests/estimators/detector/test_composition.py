@@ -107,7 +107,8 @@ def test_exposed_instances_must_be_more_similar_than_hidden_ones() -> None:
     [
         (lambda content: content.pop("free_distance"), "free_distance is missing"),
         (lambda content: content["known_distance"]["asked"].update(mean=[[1, 2]]), "must be a tuple"),
-        (lambda content: content["known_distance"]["asked"].update(freedom=-1.0), "freedom must be above 0"),
+        (lambda content: content["known_distance"]["asked"].update(freedom=0.5), "freedom must be between 1"),
+        (lambda content: content["free_distance"]["foreign"].update(covariance=[[1, 2], [2, 1]]), "positive definite"),
     ],
 )
 def test_a_damaged_file_of_distributions_says_how_to_make_it_again(change, text: str, tmp_path: Path) -> None:
