@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import tempfile
 from dataclasses import asdict
@@ -122,13 +123,15 @@ def load_user_part(name: str) -> Part:
     folder = user_parts_dir() / name
     try:
         record = read_json(folder / _SETTINGS)
-        file = folder / record.pop("file")
+        file = record.pop("file")
+        if not re.fullmatch(r"model\.[a-z0-9]+", str(file)):
+            raise ConfigError(f"file must name the copy in this folder, such as model.stl, got {file!r}")
         del record["from"]
         # Entries of earlier versions lack the options that came later.
         settings = from_json(CadSettings, {**asdict(CadSettings()), **record}, complete=True)
-    except (ConfigError, KeyError, TypeError) as error:
+        return import_cad(folder / file, settings, name=name).part
+    except (ConfigError, KeyError, MeshError) as error:
         raise MeshError(
             f"the entry of part {name!r} in {folder} is damaged ({type(error).__name__}: {error}). Add it again: "
             f"simpick parts add FILE --name {name} --overwrite"
         ) from error
-    return import_cad(file, settings, name=name).part

@@ -41,7 +41,9 @@ from simpick.photos.camera_files import read_calibration
 from simpick.run_folder import RunFolder
 from simpick.scene import Scene, SceneConfig, build_scene
 from simpick.scene.archive import read_archive
+from simpick.training.config import TrainConfig, read_train_config
 from simpick.training.curves import read_log
+from simpick.training.detector.config import DetectorTrainConfig, read_detector_train_config
 from simpick.training.moving_average import moving_average
 from simpick.training.run_folder import TrainingFolder
 from simpick.training.state import TrainingState
@@ -95,6 +97,17 @@ def test_configurations(value: Any) -> None:
     with refusing(ConfigError, ""):
         config = from_json(SceneConfig, json.loads(json.dumps(value)), complete=True)
         assert 1 <= config.count < 2**31
+
+
+@FUZZ
+@given(data=st.data(), kind=st.sampled_from([TrainConfig, DetectorTrainConfig]), is_whole_run=st.booleans())
+def test_settings_of_training(tmp_path: Path, data: st.DataObject, kind: Any, is_whole_run: bool) -> None:
+    file, whole = tmp_path / "config.json", json.loads(json.dumps(kind().to_json()))
+    value = data.draw(damaged_value({"network": {}, "training": whole} if is_whole_run else whole))
+    file.write_text(json.dumps(value))
+    with refusing(ConfigError, file.name):
+        config = (read_train_config if kind is TrainConfig else read_detector_train_config)(file)
+        assert type(config) is kind and 0 < config.learning_rate < math.inf
 
 
 @FUZZ

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 
+from simpick.activity import counted
 from simpick.assets import get_part, load_cad
 from simpick.assets.cad_import import is_mesh_path
 from simpick.assets.face_colours import with_file_colours
@@ -22,7 +23,7 @@ def load_parts(parts: Sequence[Part | str | Path], unit: Unit = "auto") -> list[
         UnknownPartError: there is no part of this name.
         ArrayFileError, ConfigError: an onboarding file is damaged, or of other versions.
     """
-    return [part if isinstance(part, Part) else _load(str(part), unit) for part in parts]
+    return [part if isinstance(part, Part) else _load(str(part), unit) for part in counted(parts, "reading part")]
 
 
 def _load(text: str, unit: Unit) -> Part:
