@@ -52,13 +52,14 @@ def photo_detector(name: str) -> Detector:
     """Return the detector called `name` as photographs need it.
 
     Who asks for parts in a photograph expects them there, so the learned detector answers also where the image as a
-    whole probably shows none of them; `PhotoEstimator.doubts` says where no pose is probable.
+    whole probably shows none of them, with what has a probability of a tenth or more; `PhotoEstimator.doubts` says
+    where no pose is probable.
 
     Raises:
         UnknownNameError: there is none of this name.
     """
     if name == "learned":
-        return LearnedDetector(config=LearnedDetectorConfig(min_presence=0.0))
+        return LearnedDetector(config=LearnedDetectorConfig(min_score=0.1, min_presence=0.0))
     return find_detector(name).make()
 
 

@@ -55,5 +55,8 @@ def test_a_part_that_is_missing_beside_others_is_named(estimator: PhotoEstimator
 
 def test_photographs_are_searched_however_improbable_the_part_is() -> None:
     detector = photo_detector("learned")
-    assert isinstance(detector, LearnedDetector) and detector.config.min_presence == 0
+    assert isinstance(detector, LearnedDetector) and (detector.config.min_presence, detector.config.min_score) == (
+        0,
+        0.1,
+    )
     assert LearnedDetector().config.min_presence == 0.5
