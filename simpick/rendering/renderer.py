@@ -7,6 +7,7 @@ and ids, whose values are exactly those at the pixels' centres.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -157,9 +158,11 @@ class Renderer(Closing):
             gl.free()
 
     def __del__(self) -> None:
-        # Absent where __init__ raised.
+        # Absent where __init__ raised. The garbage collector may run in another thread than the one that the context is
+        # current in: what cannot be freed there, the process frees at its end.
         if getattr(self, "_gl", None) is not None:
-            self.close()
+            with suppress(Exception):
+                self.close()
 
     # -- passes -------------------------------------------------------------------------------------------------
 

@@ -145,6 +145,19 @@ def test_closing_twice_is_fine_and_rendering_afterwards_is_an_error(boxes):
         scene_renderer.capture()
 
 
+def test_a_renderer_that_another_thread_collects_says_nothing(wedge, monkeypatch):
+    renderer = PartRenderer(wedge, 32, 32)
+    renderer.render(poses(1), Pinhole(32, 32, 60.0, 60.0, 16.0, 16.0))
+    inner = renderer._renderer
+    with monkeypatch.context() as patched:
+        patched.setattr(Renderer, "close", lambda self: (_ for _ in ()).throw(RuntimeError("current elsewhere")))
+        with pytest.raises(RuntimeError, match="current elsewhere"):
+            inner.close()
+        # As an exception in a finalizer, it would fail this test.
+        inner.__del__()
+    renderer.close()
+
+
 def test_wrong_requests_are_explained(boxes):
     with Renderer(boxes.model, 8, 8) as renderer:
         with pytest.raises(UnknownNameError, match=r"no camera named 'side'. Valid: overhead\."):
