@@ -53,6 +53,13 @@ def test_parts_are_lowered_after_what_carries_them() -> None:
     assert bottom_m(upper) == pytest.approx(0.016, abs=5e-4)
 
 
+def test_a_part_beside_another_is_lowered_past_it() -> None:
+    poses = [flat(y_m=-0.1), moved_along_sight(flat(y_m=0.1), -0.03)]
+    beside, lowered = resting_poses([NUT, NUT], poses, EYE_M)
+    np.testing.assert_allclose(beside, poses[0], atol=2e-4)
+    assert bottom_m(lowered) == pytest.approx(0.0, abs=5e-4)
+
+
 def test_only_the_distance_changes() -> None:
     before = moved_along_sight(flat(), 0.02)
     after = raised_onto_floor(NUT, before, EYE_M)

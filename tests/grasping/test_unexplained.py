@@ -95,3 +95,51 @@ def test_pixels_of_nothing_change_nothing(planner: GraspPlanner) -> None:
     empty = space(np.zeros((240, 320), bool), lying())
     with_space = list(planner.search([NUT], [lying()], unexplained=empty))
     assert [g.quality for g in with_space] == [g.quality for g in planner.plan([NUT], [lying()])]
+
+
+def test_an_estimate_is_trusted_from_a_tenth_on() -> None:
+    assert not space(seen(lying()), lying(), scores=[0.1]).pixels.any()
+    assert space(seen(lying()), lying(), scores=[0.09]).pixels.any()
+
+
+@pytest.mark.parametrize(("width_px", "is_left"), [(4, False), (5, True)])
+def test_what_is_narrower_than_5_px_is_a_rim(width_px: int, is_left: bool) -> None:
+    stripe = np.zeros((240, 320), bool)
+    stripe[100 : 100 + width_px, 50:270] = True
+    assert space(stripe).pixels.any() == is_left
+
+
+def at_pixels(*places: tuple[float, float]) -> np.ndarray:
+    """Return points in the camera's frame, 1 m away, at these pixels (column, row)."""
+    return np.array([[(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy, 1.0] for u, v in places])
+
+
+def test_a_point_covers_itself_and_3_px_around_it_also_at_the_edges() -> None:
+    covered = outline(at_pixels((100.5, 80.5)), 0.02, CAMERA)
+    assert covered[77:84, 97:104].all() and covered.sum() == 49
+    for u, v in ((0.5, 0.5), (319.5, 0.5), (0.5, 239.5), (319.5, 239.5)):
+        assert outline(at_pixels((u, v)), 0.02, CAMERA).sum() == 16
+    assert not outline(at_pixels((320.5, 80.5), (100.5, 240.5), (-0.5, 80.5), (100.5, -0.5)), 0.02, CAMERA).any()
+
+
+def test_points_are_joined_up_to_twice_their_spacing() -> None:
+    # A spacing of 20 mm is 9.6 px at 1 m.
+    joined, apart = (outline(at_pixels((100.5, 80.5), (u, 80.5)), 0.02, CAMERA)[80, 100:121] for u in (120.5, 122.5))
+    assert joined.all() and not apart[4:19].any()
+    # Nothing is joined with the image's edge.
+    assert not outline(at_pixels((8.5, 80.5)), 0.02, CAMERA)[80, :5].any()
+
+
+def test_columns_stand_on_every_fourth_pixel_and_rise_in_equal_steps_also_where_the_camera_leans() -> None:
+    T = look_at(np.array([0.5, -0.6, 0.7]), np.array([0.5, 0.0, 0.0]))
+    points = columns_over_floor(np.ones((240, 320), bool), CAMERA, T, 0.03)
+    np.testing.assert_allclose(np.unique(points[:, 2].round(9)), np.arange(6) * 0.006, atol=1e-9)
+    centres = (CAMERA.project(transform_points(invert(T), points)) - 2.5) / 4
+    np.testing.assert_allclose(centres, centres.round(), atol=1e-6)
+    assert len(points) == 6 * 80 * 60
+
+
+def test_level_lines_of_sight_meet_nothing() -> None:
+    level = look_at(np.array([0.5, -0.6, 0.2]), np.array([0.5, 0.0, 0.2]))
+    points = columns_over_floor(np.ones((240, 320), bool), CAMERA, level, 0.03)
+    assert len(points) and np.linalg.norm(points - level[:3, 3], axis=1).max() < 0.2 / 0.1 * 1.1
