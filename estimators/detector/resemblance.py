@@ -18,7 +18,7 @@ from jaxtyping import Float
 from simpick.config import Config
 from simpick.errors import ConfigError
 
-MEASURES, REGRESSORS = 2, 3
+MEASURES = 2
 _ROUNDS = 200
 _Value = Annotated[float, Interval(ge=-1e6, le=1e6)]
 _Pair = tuple[_Value, _Value]
