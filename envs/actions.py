@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -26,7 +27,7 @@ def finite_values(action: object, count: int) -> Float[np.ndarray, "count"]:
         values = np.asarray(action, float)
     except (TypeError, ValueError):  # Strings, ragged lists, objects.
         values = np.full(0, np.nan)
-    if values.shape != (count,) or not np.isfinite(values).all():
+    if values.shape != (count,) or not all(map(math.isfinite, values.tolist())):
         shown = action.tolist() if isinstance(action, np.ndarray) else action
         raise ConfigError(f"an action must be {count} finite numbers in [-1, 1], got {shown!r}")
     return np.minimum(np.maximum(values, -1.0), 1.0)

@@ -144,6 +144,11 @@ class BinEnv(gymnasium.Env):
             self._renderer.close()
         self._renderer = self._scene = None
 
+    @property
+    def _watched(self) -> bool:
+        """Return whether `_tick` has anything to do."""
+        return self.on_tick is not None or self.render_mode == "rgb_array_list"
+
     def _tick(self, scene: Scene) -> None:
         """Record the scene after a control period, and film it where `render_mode` asks for it."""
         if self.on_tick is not None:
@@ -164,7 +169,8 @@ class BinEnv(gymnasium.Env):
         """
         scene = self.scene
         T_world_part = scene.Ts_world_part()
-        T_world_part[list(scene.removed)] = np.nan
+        if scene.removed:
+            T_world_part[list(scene.removed)] = np.nan
         in_bin = np.zeros(len(T_world_part), bool)
         in_bin[list(parts_in_bin)] = True
         return {"T_world_part": T_world_part, "in_bin": in_bin}

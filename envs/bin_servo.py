@@ -41,6 +41,7 @@ COLLISION_COST = 0.01
 FAST_IMAGES = RenderQuality(shadow_map_px=0, samples=0)
 """Without shadows and anti-aliasing: a fifth of the cost on a software renderer."""
 _STILL_SPEED_M_S = 0.01
+_IDENTITY = np.eye(4, dtype=np.float32)
 
 
 class BinServoEnv(BinEnv, EzPickle):
@@ -209,7 +210,7 @@ class BinServoEnv(BinEnv, EzPickle):
         self._arm_servo = TwistServo(
             kinematics, self.robot.home_qpos, self._motion.joint_speed_rad_s, SERVO_WORKSPACE, self._periods_s
         )
-        self._gripper_servo = self._gripper.servo()
+        self._gripper_servo = self._gripper.servo(scene.model, scene.data)
         self._monitor = Monitor(scene, self._motion)
         self._in_bin = scene.parts_in_bin()
         self._ticks = 0
@@ -230,10 +231,10 @@ class BinServoEnv(BinEnv, EzPickle):
         try:
             peak_force_n = self._move(command)
             touched = self._monitor.clinging()
-            delivered = tuple(k for k in scene.parts_in_chute() if k not in touched)
+            self._in_bin, in_chute = scene.parts_by_zone()
+            delivered = tuple(k for k in in_chute if k not in touched)
             for instance in delivered:
                 scene.remove(instance)
-            self._in_bin = scene.parts_in_bin()
             ended = "" if self._work_left() else "cleared"
         except SimulationFaultError:
             self._in_bin, ended = scene.parts_in_bin(), "simulation_fault"
@@ -254,18 +255,22 @@ class BinServoEnv(BinEnv, EzPickle):
 
     def _move(self, command: ServoCommand) -> float:
         """Simulate one tick and return the largest force on what never moves."""
-        scene = self.scene
-        model, data = scene.model, scene.data
+        scene, watched = self.scene, self._watched
+        data = scene.data
         q, qd = self._arm_servo.commands(command.twist_world, data.qpos[self._qpos_adr])
         controls = self.robot.servo_command(q, qd)
         peak_force_n = 0.0
         for steps, period_s, control in zip(self._steps, self._periods_s, controls, strict=True):
             data.ctrl[self._actuators] = control
-            self._gripper_servo.command(model, data, command.gripper_rate, period_s)
-            scene.step(steps)
+            self._gripper_servo.command(command.gripper_rate, period_s)
+            scene.advance(steps)
             self._monitor.look()
             peak_force_n = max(peak_force_n, self._monitor.fixed_force_n)
-            self._tick(scene)
+            if watched:
+                scene.finish_step()
+                self._tick(scene)
+        if not watched:
+            scene.finish_step()
         return peak_force_n
 
     def _work_left(self) -> bool:
@@ -288,10 +293,9 @@ class BinServoEnv(BinEnv, EzPickle):
         data = scene.data
         observation["joint_positions"] = _within(data.qpos[self._qpos_adr], MAX_JOINT_RAD)
         observation["joint_velocities"] = _within(data.qvel[self._qvel_adr], MAX_JOINT_SPEED_RAD_S)
-        T_world_tcp = np.zeros((4, 4), np.float32)
+        T_world_tcp = _IDENTITY.copy()
         T_world_tcp[:3, :3] = data.site_xmat[self._tcp].reshape(3, 3)
         T_world_tcp[:3, 3] = data.site_xpos[self._tcp]
-        T_world_tcp[3, 3] = 1.0
         observation["T_world_tcp"] = T_world_tcp
         sensor = self._gripper.sensor
         dtype = np.int8 if sensor.upper is None else np.float32
@@ -310,10 +314,13 @@ class BinServoEnv(BinEnv, EzPickle):
         if self._image_renderer is not None:
             self._image_renderer.close()
         self._image_renderer = None
-        self.__dict__.pop("_monitor", None)  # It holds the scene.
+        for name in ("_monitor", "_gripper_servo"):
+            self.__dict__.pop(name, None)  # They hold the scene.
         super()._release_scene()
 
 
 def _within(values: Float[np.ndarray, "joints"], most: float) -> Float32[np.ndarray, "joints"]:
     """Return `values` cut off at plus and minus `most`."""
-    return np.minimum(np.maximum(values, -most), most).astype(np.float32)
+    rounded = values.astype(np.float32)
+    np.maximum(rounded, -most, out=rounded)
+    return np.minimum(rounded, most, out=rounded)

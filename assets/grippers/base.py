@@ -50,9 +50,9 @@ class GraspSampling(Protocol):
 
 @runtime_checkable
 class GripperServo(Protocol):
-    """Opens, closes and holds one gripper by a commanded rate, as a teleoperator's trigger does."""
+    """Opens, closes and holds the gripper of one scene by a commanded rate, as a teleoperator's trigger does."""
 
-    def command(self, model: mujoco.MjModel, data: mujoco.MjData, rate: float, period_s: float) -> None:
+    def command(self, rate: float, period_s: float) -> None:
         """Set the controls for one period of at most 20 ms; `rate` in [-1, 1]: > 0 closes, < 0 opens, 0 holds."""
         ...
 
@@ -148,8 +148,8 @@ class Gripper(Protocol):
         """Update a commanded grip; called at least every 20 ms: the vacuum follows the covered cells."""
         ...
 
-    def servo(self) -> GripperServo:
-        """Return a servo that starts from the released gripper."""
+    def servo(self, model: mujoco.MjModel, data: mujoco.MjData) -> GripperServo:
+        """Return a servo for this model and data, which starts from the released gripper."""
         ...
 
     # -- readings -----------------------------------------------------------------------------------------------

@@ -37,6 +37,8 @@ JAW_FORCE_N = 50.0
 
 _SERVO_STIFFNESS_N_PER_M = 20_000.0
 _SERVO_DAMPING_NS_PER_M = 40.0
+# Past closed by more than the servo needs to saturate, so that thin parts get the full force too.
+_FULL_FORCE_CONTROL = -1.5 * JAW_FORCE_N / _SERVO_STIFFNESS_N_PER_M
 _SLIDE_DAMPING_NS_PER_M = 400.0
 # The gear's rotor, seen at the finger. It must outweigh timestep x damping: MuJoCo solves contacts with the bare
 # inertia but integrates with inertia plus timestep x damping, and stiff pads chatter where the two differ much.
@@ -115,15 +117,16 @@ class JawGripper:
 
     def grip(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Command the jaw to close with its full force."""
-        # Past closed by more than the servo needs to saturate, so that thin parts get the full force too.
-        data.ctrl[_actuator(model)] = -1.5 * JAW_FORCE_N / _SERVO_STIFFNESS_N_PER_M
+        data.ctrl[_actuator(model)] = _FULL_FORCE_CONTROL
 
     def maintain(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Do nothing: a worm gear keeps its force."""
 
-    def servo(self) -> GripperServo:
+    def servo(self, model: mujoco.MjModel, data: mujoco.MjData) -> GripperServo:
         """Return a servo of the opening, which starts fully open."""
-        return OpeningServo(self)
+        tendon, actuator = _tendon(model), _actuator(model)
+        opening_m, control = data.ten_length[tendon : tendon + 1], data.ctrl[actuator : actuator + 1]
+        return OpeningServo(opening_m, control, JAW_STROKE_M, _FULL_FORCE_CONTROL)
 
     def sense(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:
         """Return the opening within the stroke."""
@@ -131,7 +134,7 @@ class JawGripper:
 
     def opening_m(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:
         """Return the distance between the pads."""
-        return float(data.ten_length[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TENDON, _OPENING)])
+        return float(data.ten_length[_tendon(model)])
 
     def held_bodies(self, model: mujoco.MjModel, data: mujoco.MjData) -> tuple[int, ...]:
         """Return the movable bodies between the pads, in rising order.
@@ -163,6 +166,10 @@ class JawGripper:
 def _movable_bodies(model: mujoco.MjModel, geoms: set[int]) -> set[int]:
     bodies = {int(model.geom_bodyid[geom]) for geom in geoms}
     return {body for body in bodies if model.body_weldid[body] != 0}
+
+
+def _tendon(model: mujoco.MjModel) -> int:
+    return mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TENDON, _OPENING)
 
 
 def _actuator(model: mujoco.MjModel) -> int:

@@ -169,9 +169,9 @@ class SuctionGripper:
         if self.is_on(model):
             self.grip(model, data)
 
-    def servo(self) -> GripperServo:
+    def servo(self, model: mujoco.MjModel, data: mujoco.MjData) -> GripperServo:
         """Return a switch of the vacuum, which starts off."""
-        return SwitchServo(self)
+        return SwitchServo(self, model, data)
 
     def sense(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:
         """Return 1 while anything is held, else 0."""

@@ -40,6 +40,10 @@ class Kinematics:
         T_body_tcp[:3, 3] = flange.pos
         T_body_tcp = T_body_tcp @ T_flange_tcp
         flange.parent.add_site(name=_TCP, pos=T_body_tcp[:3, 3], quat=quaternion_from_matrix(T_body_tcp[:3, :3]))
+        # Poses of geoms would take half of the time. A body that states its inertia does not need them.
+        for geom in list(spec.geoms):
+            if geom.parent.explicitinertial:
+                spec.delete(geom)
         self.model = spec.compile()
         self.tcp_site = _TCP
         """Name of the TCP's site in `model`."""

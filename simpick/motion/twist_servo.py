@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -22,9 +24,34 @@ MAX_ACCELERATION_RAD_S2 = 25.0
 _DAMPING = 1e-4
 _POSITION_WINDUP_M = 0.002
 _ROTATION_WINDUP_RAD = np.deg2rad(0.5)
+# Of unit quaternions whose rotations differ by the angle above.
+_ROTATION_WINDUP_DOT = math.cos(_ROTATION_WINDUP_RAD / 2)
 # The solver wants a box with an interior.
 _LEAST_WIDTH_RAD = 1e-13
-_SIGNS = np.array([[-1.0], [1.0]])
+
+
+@dataclass(frozen=True, eq=False)
+class _Period:
+    """One control period of a tick."""
+
+    duration_s: float
+    shift_m: Float[np.ndarray, "3"]
+    """Motion of the commanded TCP."""
+    conjugate_turn_rad_s: Float[np.ndarray, "3"]
+    """Its angular velocity, negated: that of a conjugate."""
+    step_before_rad: Float[np.ndarray, "joints"]
+    """Motion of the joints in the period before, which for the first is the last one of the last tick."""
+    ratio: Float[np.ndarray, "joints"]
+    """Duration of this period by that of the period before. Arrays, for numpy would convert numbers every time."""
+    least_change_rad: Float[np.ndarray, "joints"]
+    most_change_rad: Float[np.ndarray, "joints"]
+    """How much motion may differ from that at the speed before."""
+    least_step_rad: Float[np.ndarray, "joints"]
+    most_step_rad: Float[np.ndarray, "joints"]
+    """At the limits of speed."""
+    step_rad: Float[np.ndarray, "joints"]
+    q: Float[np.ndarray, "joints"]
+    """Where the period leads."""
 
 
 class TwistServo:
@@ -35,7 +62,8 @@ class TwistServo:
     caught up later.
 
     Each step dq minimises |J dq - error|^2 + damping |dq|^2 in a box that bounds position, speed and acceleration of
-    every joint: MuJoCo's `mju_boxQP`, on arrays allocated once.
+    every joint: MuJoCo's `mju_boxQP`, on arrays allocated once. Rotations are conjugate quaternions, with which
+    `mju_quatIntegrate` turns about the world's axes and `mju_subQuat` gives the difference in them.
     """
 
     def __init__(
@@ -54,41 +82,53 @@ class TwistServo:
         joints = model.nv
         self._model, self._data = model, mujoco.MjData(model)
         self._site = model.site(kinematics.tcp_site).id
-        self._stops = np.stack([kinematics.q_lower, kinematics.q_upper])
         self._lower_m, self._upper_m = np.array(workspace.lower_m), np.array(workspace.upper_m)
-        self._periods_s = tuple(periods_s)
-        periods = np.array(periods_s)[:, None]
-        self._share = (np.cumsum(periods, axis=0) - periods / 2) / periods.sum()
-        self._duration_s = periods
-        # Arrays rather than numbers, which numpy would convert in every operation.
-        self._speed_limit = np.full((2, joints), speed_limit_rad_s)
-        self._speed_limit_down = -self._speed_limit
-        self._change = [MAX_ACCELERATION_RAD_S2 * p * _SIGNS * np.ones((2, joints)) for p in periods_s]
-        self._width = _LEAST_WIDTH_RAD * _SIGNS * np.ones((2, joints))
-        self._damping = _DAMPING * np.eye(joints)
-        # The TCP at `_q`. The first two and `_qpos` are MuJoCo's own memory.
+        durations = np.array(periods_s)[:, None]
+        self._share = (np.cumsum(durations, axis=0) - durations / 2) / durations.sum()
+        # From twists to shifts in m and angular velocities of conjugates.
+        self._scale = np.concatenate([durations.repeat(3, axis=1), -np.ones((len(periods_s), 3))], axis=1)
+        self._twist, self._motions = np.zeros(6), np.zeros((len(periods_s), 6))
+        self._qs, self._steps_rad = np.zeros((2, len(periods_s), joints))
+        each = np.ones(joints)
+        self._periods = [
+            _Period(
+                duration_s=duration_s,
+                shift_m=self._motions[k, :3],
+                conjugate_turn_rad_s=self._motions[k, 3:],
+                step_before_rad=self._steps_rad[k - 1],
+                ratio=duration_s / periods_s[k - 1] * each,
+                least_change_rad=-MAX_ACCELERATION_RAD_S2 * duration_s**2 * each,
+                most_change_rad=MAX_ACCELERATION_RAD_S2 * duration_s**2 * each,
+                least_step_rad=-speed_limit_rad_s * duration_s * each,
+                most_step_rad=speed_limit_rad_s * duration_s * each,
+                step_rad=self._steps_rad[k],
+                q=self._qs[k],
+            )
+            for k, duration_s in enumerate(periods_s)
+        ]
+        self._durations_s = durations
+        self._stops = np.stack([kinematics.q_lower, kinematics.q_upper])
+        self._width = np.outer([-_LEAST_WIDTH_RAD, _LEAST_WIDTH_RAD], each)
+        self._near_stops, self._reach_rad = False, speed_limit_rad_s * float(durations.sum())
+        # Joint angles and the TCP at them: MuJoCo's own memory.
+        self._q = self._data.qpos
         self._position_m, self._xmat = self._data.site_xpos[self._site], self._data.site_xmat[self._site]
-        self._qpos, self._rotation = self._data.qpos, self._xmat.reshape(3, 3)
-        self._quat = np.zeros(4)
+        self._quat, self._conjugate = np.zeros(4), np.zeros(4)
         # Where the TCP is commanded to be.
-        self._goal_m, self._goal_quat = np.zeros(3), np.zeros(4)
-        # Work space of `_follow`.
-        self._turn, self._turned, self._off_rad, self._off_m = np.zeros(4), np.zeros(4), np.zeros(3), np.zeros(3)
-        self._jacobian, self._error = np.zeros((6, joints)), np.zeros(6)
-        self._jacobian_linear, self._jacobian_angular = self._jacobian[:3], self._jacobian[3:]
-        self._jacobian_transposed, self._error_linear, self._error_angular = (
-            self._jacobian.T,
-            self._error[:3],
-            self._error[3:],
-        )
+        self._goal_m, self._goal_conjugate = np.zeros(3), np.zeros(4)
+        # Work space of `_follow`. Below the Jacobian stands the damping.
+        self._jacobian = np.concatenate([np.zeros((6, joints)), math.sqrt(_DAMPING) * np.eye(joints)])
+        self._jacobian_linear, self._jacobian_angular = self._jacobian[:3], self._jacobian[3:6]
+        self._jacobian_transposed = self._jacobian.T
+        self._error, self._off_m = np.zeros(6 + joints), np.zeros(3)
+        self._error_linear, self._error_angular = self._error[:3], self._error[3:6]
         self._hessian, self._gradient = np.zeros((joints, joints)), np.zeros(joints)
-        self._step, self._factor = np.zeros(joints), np.zeros((joints, joints + 7))
-        self._free = np.zeros(joints, np.int32)
+        self._factor, self._free = np.zeros((joints, joints + 7)), np.zeros(joints, np.int32)
+        self._steady_rad = np.zeros(joints)
         self._box, self._to_stops = np.zeros((2, joints)), np.zeros((2, joints))
         self._least, self._most = self._box
         self._to_lower, self._to_upper = self._to_stops
-        self._speed_rad_s, self._twist = np.zeros(joints), np.zeros(6)
-        self._q = np.array(q_start, float)
+        self._q[:] = q_start
         self._reach()
         self._give_up_rest()
 
@@ -101,89 +141,86 @@ class TwistServo:
         axes. The velocity changes linearly from the last call's to this one's over the periods.
         """
         lead = self._q - q_measured
-        if np.abs(lead).max() > MAX_LEAD_RAD:
-            q = q_measured + np.clip(lead, -MAX_LEAD_RAD, MAX_LEAD_RAD)
-            self._q[:] = np.clip(q, *self._stops)
+        if max(map(abs, lead.tolist())) > MAX_LEAD_RAD:
+            self._q[:] = q_measured + np.minimum(np.maximum(lead, -MAX_LEAD_RAD), MAX_LEAD_RAD)
+            self._stay_within_stops()
             self._reach()
             self._give_up_rest()
+        lower, upper = self._stops
+        left_rad = min(*(self._q - lower).tolist(), *(upper - self._q).tolist())
+        self._near_stops = left_rad <= self._reach_rad
         twists = self._twist + self._share * (twist_world - self._twist)
-        qs = np.empty((len(self._periods_s), len(self._q)))
-        speeds_rad_s = np.empty_like(qs)
-        for k, (shift, turn, period_s) in enumerate(
-            zip(twists[:, :3] * self._duration_s, twists[:, 3:], self._periods_s, strict=True)
-        ):
-            self._follow(shift, turn, period_s, self._change[k])
-            qs[k], speeds_rad_s[k] = self._q, self._speed_rad_s
-        self._twist = np.array(twist_world, float)
-        return qs, speeds_rad_s
+        np.multiply(twists, self._scale, out=self._motions)
+        for period in self._periods:
+            self._follow(period)
+        self._twist[:] = twist_world
+        return self._qs.copy(), self._steps_rad / self._durations_s
 
-    def _follow(
-        self,
-        shift_m: Float[np.ndarray, "3"],
-        turn_rad_s: Float[np.ndarray, "3"],
-        period_s: float,
-        change: Float[np.ndarray, "2 joints"],
-    ) -> None:
-        """Move the commanded pose, and the joints after it, by one period; all speeds may change by `change`."""
-        goal_m, goal_quat, q = self._goal_m, self._goal_quat, self._q
-        np.add(goal_m, shift_m, out=goal_m)
+    def _follow(self, period: _Period) -> None:
+        """Move the commanded pose, and the joints after it, by one period."""
+        goal_m, goal_conjugate, q, step = self._goal_m, self._goal_conjugate, self._q, period.step_rad
+        np.add(goal_m, period.shift_m, out=goal_m)
         np.maximum(goal_m, self._lower_m, out=goal_m)
         np.minimum(goal_m, self._upper_m, out=goal_m)
-        self._turn[:] = 1.0, 0.0, 0.0, 0.0
-        mujoco.mju_quatIntegrate(self._turn, turn_rad_s, period_s)
-        mujoco.mju_mulQuat(self._turned, self._turn, goal_quat)
-        mujoco.mju_normalize4(self._turned)
-        goal_quat[:] = self._turned
+        mujoco.mju_quatIntegrate(goal_conjugate, period.conjugate_turn_rad_s, period.duration_s)
 
         mujoco.mj_jacSite(self._model, self._data, self._jacobian_linear, self._jacobian_angular, self._site)
         # The error points from the goal to the TCP, so that it needs no sign in the gradient.
         np.subtract(self._position_m, goal_m, out=self._error_linear)
-        mujoco.mju_subQuat(self._off_rad, self._quat, goal_quat)
-        np.dot(self._rotation, self._off_rad, out=self._error_angular)
-        np.dot(self._jacobian_transposed, self._jacobian, out=self._hessian)
-        np.add(self._hessian, self._damping, out=self._hessian)
-        np.dot(self._error, self._jacobian, out=self._gradient)
+        mujoco.mju_subQuat(self._error_angular, goal_conjugate, self._conjugate)
+        self._jacobian_transposed.dot(self._jacobian, out=self._hessian)
+        self._error.dot(self._jacobian, out=self._gradient)
 
-        self._bound_step(period_s, change)
-        # The damping makes the matrix positive definite, without which there would be no solution.
-        mujoco.mju_boxQP(self._step, self._factor, self._free, self._hessian, self._gradient, self._least, self._most)
-        np.add(q, self._step, out=q)
-        # By a bit of rounding, or by the least width, a step may lead beyond a stop.
-        np.maximum(q, self._stops[0], out=q)
-        np.minimum(q, self._stops[1], out=q)
-        np.divide(self._step, period_s, out=self._speed_rad_s)
+        self._bound_step(period)
+        # The damping makes the matrix positive definite, without which there would be no solution. From rest, for from
+        # the step before the solver ends early in front of a bound several times as often.
+        step.fill(0.0)
+        mujoco.mju_boxQP(step, self._factor, self._free, self._hessian, self._gradient, self._least, self._most)
+        np.add(q, step, out=q)
+        if self._near_stops:
+            # By a bit of rounding, or by the least width, a step may lead beyond a stop.
+            self._stay_within_stops()
+        period.q[:] = q
 
         self._reach()
-        off_m, off_rad = self._off_m, self._off_rad
+        off_m = self._off_m
         np.subtract(goal_m, self._position_m, out=off_m)
-        mujoco.mju_subQuat(off_rad, goal_quat, self._quat)
-        if off_m.dot(off_m) >= _POSITION_WINDUP_M**2 or off_rad.dot(off_rad) >= _ROTATION_WINDUP_RAD**2:
+        if (
+            off_m.dot(off_m) >= _POSITION_WINDUP_M**2
+            or abs(goal_conjugate.dot(self._conjugate)) <= _ROTATION_WINDUP_DOT
+        ):
             self._give_up_rest()
 
-    def _bound_step(self, period_s: float, change: Float[np.ndarray, "2 joints"]) -> None:
+    def _bound_step(self, period: _Period) -> None:
         """Bound every joint's next step in position, speed and acceleration.
 
         Where they contradict each other, as in front of a stop that is reached too fast, position counts most and
         acceleration least: the box always has an interior.
         """
-        box = self._box
-        np.add(change, self._speed_rad_s, out=box)
-        np.maximum(box, self._speed_limit_down, out=box)
-        np.minimum(box, self._speed_limit, out=box)
-        np.multiply(box, period_s, out=box)
-        np.subtract(self._stops, self._q, out=self._to_stops)
-        np.maximum(box, self._to_lower, out=box)
-        np.minimum(box, self._to_upper, out=box)
-        np.add(box, self._width, out=box)
+        box, least, most, steady = self._box, self._least, self._most, self._steady_rad
+        np.multiply(period.step_before_rad, period.ratio, out=steady)
+        np.add(steady, period.least_change_rad, out=least)
+        np.add(steady, period.most_change_rad, out=most)
+        np.maximum(least, period.least_step_rad, out=least)
+        np.minimum(most, period.most_step_rad, out=most)
+        if self._near_stops:
+            np.subtract(self._stops, self._q, out=self._to_stops)
+            np.maximum(box, self._to_lower, out=box)
+            np.minimum(box, self._to_upper, out=box)
+            np.add(box, self._width, out=box)
+
+    def _stay_within_stops(self) -> None:
+        np.maximum(self._q, self._stops[0], out=self._q)
+        np.minimum(self._q, self._stops[1], out=self._q)
 
     def _reach(self) -> None:
         """Compute the TCP at the present joint angles."""
-        self._qpos[:] = self._q
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
         mujoco.mju_mat2Quat(self._quat, self._xmat)
+        mujoco.mju_negQuat(self._conjugate, self._quat)
 
     def _give_up_rest(self) -> None:
         """Command the pose that was reached."""
         self._goal_m[:] = self._position_m
-        self._goal_quat[:] = self._quat
+        self._goal_conjugate[:] = self._conjugate

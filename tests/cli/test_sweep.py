@@ -46,6 +46,6 @@ def test_the_benchmark_reports_speeds_near_those_of_mujoco_alone(tmp_path: Path)
     assert "images, overhead colour" in done.stdout and "control steps of BinServo-v0" in done.stdout
     figures = json.loads((tmp_path / "speed.json").read_text())
     assert figures["versions"]["mujoco"] == version("mujoco") and figures["attempts"] == 1
-    # Ratios within one run: half of 0.52 and of 0.95 to 0.99, which were measured.
-    for speed, least in [(figures["servo"], 0.26), *((image, 0.48) for image in figures["images_per_s"].values())]:
+    # Ratios within one run. Measured were 0.60 to 0.64, of medians that other programs hardly change, and 0.95 to 0.99.
+    for speed, least in [(figures["servo"], 0.5), *((image, 0.48) for image in figures["images_per_s"].values())]:
         assert least < speed["per_s"] / speed["limit_per_s"] < 1

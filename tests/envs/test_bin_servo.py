@@ -280,14 +280,33 @@ def test_a_bin_whose_parts_lie_on_the_table_is_cleared_without_success(opened) -
     assert terminated and (info["ended"], info["is_success"], reward) == ("cleared", False, 0.0)
 
 
-def test_diverged_physics_end_the_episode_on_the_last_observation(opened) -> None:
+@pytest.mark.parametrize("speed_m_s", [1e6, np.nan])
+@pytest.mark.parametrize("on_tick", [None, lambda scene: None])
+def test_diverged_physics_end_the_episode_on_the_last_observation(opened, speed_m_s: float, on_tick) -> None:
     env = opened(blind())
     env.reset(seed=0)
+    env.on_tick = on_tick
     before = moved(env, HOLD, 1)
-    env.scene.data.qvel[env.scene.instances[0].dof_adr] = 1e6
+    env.scene.data.qvel[env.scene.instances[0].dof_adr] = speed_m_s
     observation, _, terminated, _, info = env.step(HOLD)
     assert terminated and info["ended"] == "simulation_fault"
     assert all(np.array_equal(observation[key], before[key]) for key in before)
+
+
+def test_watching_every_period_changes_nothing_and_shows_poses_that_are_up_to_date(opened) -> None:
+    rng = np.random.default_rng(0)
+    actions = rng.uniform(-1, 1, (20, 7))
+    env = opened(blind(count=3))
+    env.reset(seed=0)
+    unwatched = [env.step(action) for action in actions]
+    lag_m: list[float] = []
+    env.reset(seed=0)
+    env.on_tick = lambda scene: lag_m.append(np.abs(scene.Ts_world_part()[:, :3, 3] - scene.positions_m).max())
+    watched = [env.step(action) for action in actions]
+    assert len(lag_m) == 5 * len(actions) and max(lag_m) < 1e-12
+    for (one, *_, truth), (other, *_, other_truth) in zip(unwatched, watched, strict=True):
+        assert all(np.array_equal(one[key], other[key]) for key in one)
+        np.testing.assert_array_equal(truth["truth"]["T_world_part"], other_truth["truth"]["T_world_part"])
 
 
 def test_a_saved_scene_comes_back_and_one_of_another_gripper_is_refused(opened, tmp_path) -> None:

@@ -1,5 +1,6 @@
 """`TwistServo` commands what joints can do, and gives up what they cannot."""
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -118,3 +119,23 @@ def test_it_moves_as_minks_quadratic_program_does(kinematics, name: str) -> None
     assert np.linalg.norm(points - expected_points, axis=1).max() < tolerance_m
     # Not by standing still.
     assert np.abs(qds).max() > 0.1
+
+
+@pytest.mark.parametrize("scale", [0.5, 1.0])
+def test_every_step_is_the_best_one_within_its_bounds(kinematics, monkeypatch, scale: float) -> None:
+    solve, steepness, bound = mujoco.mju_boxQP, [], []
+
+    def checked(step, factor, free, hessian, gradient, least, most):
+        dimensions = solve(step, factor, free, hessian, gradient, least, most)
+        slope = hessian @ step + gradient
+        # At a bound the objective may only fall towards the outside.
+        outwards = ((step <= least) & (slope > 0)) | ((step >= most) & (slope < 0))
+        steepness.append(np.abs(np.where(outwards, 0.0, slope)).max())
+        bound.append(outwards.any())
+        return dimensions
+
+    monkeypatch.setattr(mujoco, "mju_boxQP", checked)
+    waves = np.sin(np.arange(200)[:, None] / 20 * (1 + 0.3 * np.arange(6)))
+    follow(servo(kinematics), get_robot("ur5e").home_qpos, scale * waves * np.repeat([0.25, 1.57], 3))
+    assert max(steepness) < 1e-7
+    assert 0.1 < np.mean(bound) < 0.9
