@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import torch
@@ -11,33 +10,8 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from simpick.errors import CheckpointError
+from simpick.estimators.detector.encoder_stages import OUTPUT_STAGES, STAGES, STEM_CHANNELS
 
-
-@dataclass(frozen=True)
-class Stage:
-    """Inverted-residual blocks of one width; the first has the stride."""
-
-    repeats: int
-    kernel: int
-    stride: int
-    expansion: int
-    channels: int
-
-
-STEM_CHANNELS = 32
-STAGES = (
-    Stage(1, 3, 1, 1, 16),
-    Stage(2, 3, 2, 6, 24),
-    Stage(2, 5, 2, 6, 40),
-    Stage(3, 3, 2, 6, 80),
-    Stage(3, 5, 1, 6, 112),
-    Stage(4, 5, 2, 6, 192),
-)
-OUTPUT_STAGES = (0, 1, 2, 4, 5)
-"""Stages whose features are returned: the last ones of strides 2, 4, 8, 16 and 32."""
-OUTPUT_CHANNELS = tuple(STAGES[k].channels for k in OUTPUT_STAGES)
-STRIDE = 32
-"""Height and width of an image must be multiples of this."""
 _BATCH_NORM_EPS = 1e-3
 
 

@@ -9,7 +9,8 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from simpick.estimators.detector.affinities import OFFSETS
-from simpick.estimators.detector.encoder import OUTPUT_CHANNELS, EfficientNetLite0
+from simpick.estimators.detector.encoder import EfficientNetLite0
+from simpick.estimators.detector.encoder_stages import OUTPUT_CHANNELS
 
 PYRAMID_CHANNELS = 64
 FINE_CHANNELS = 32

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Float32, UInt8
 
 from simpick.errors import ConfigError
 from simpick.estimators.detector.decoding import DecodingConfig, full_mask, label_nodes
-from simpick.estimators.detector.encoder import STRIDE
+from simpick.estimators.detector.encoder_stages import STRIDE
 from simpick.estimators.detector.merge_tree import MergeTree, merge_tree
 from simpick.estimators.detector.network import InstanceNetwork
 from simpick.estimators.detector.outlines import sharpen_outlines

@@ -31,7 +31,12 @@ class Ablate(TrainingOptions):
 
     def run(self) -> int:
         """Train and measure every variant, print and write the tables."""
-        from simpick.terminal import Console, Markdown
+        # First, so that nothing is silent while libraries load.
+        from simpick.terminal import Console
+
+        console = Console()
+        console.print_line(f"training and comparing variants of RayPose ({self.what}): {self.out}")
+        from simpick.terminal import Markdown
         from simpick.training import ablations
         from simpick.training.budget import Budget
         from simpick.training.curves import plot_scaling, read_log
@@ -44,7 +49,6 @@ class Ablate(TrainingOptions):
         variants = list(dict.fromkeys(v.name for v in ablations.COMPONENTS + ablations.TEMPLATES))
         by_name = {v.name: v for v in ablations.COMPONENTS + ablations.TEMPLATES + ablations.SCHEDULE_VARIANTS}
         names = variants if is_paper else [v.name for v in ablations.SCHEDULE_VARIANTS]
-        console = Console()
         results = [ablations.measure_untrained(ablation)] if is_paper else []
         for name in names:
             variant = by_name[name]

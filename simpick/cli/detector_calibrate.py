@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from simpick.cli.outputs import counted
 from simpick.config import Config, PositiveInt
 
 
@@ -26,6 +27,11 @@ class DetectorCalibrate(Config):
 
     def run(self) -> int:
         """Fit and write."""
+        # First, so that nothing is silent while libraries load.
+        from simpick.terminal import Console
+
+        console = Console()
+        console.print_line(f"calibrating the detector on {counted(self.bins, 'random bin')}: {self.out}")
         import torch
 
         from simpick.errors import OutputError, SceneError
@@ -37,12 +43,12 @@ class DetectorCalibrate(Config):
             label_bin,
             write_composition,
         )
-        from simpick.terminal import Console, track, working
+        from simpick.terminal import track, working
 
         if self.out.exists() and not self.overwrite:
             raise OutputError(f"{self.out} exists already. Choose another file with --out, or pass --overwrite.")
         torch.set_num_threads(1)
-        console, detector, answers = Console(), LearnedDetector(), []
+        detector, answers = LearnedDetector(), []
         for bin in track(calibration_bins(self.bins), "asking in random bins", console=console):
             try:
                 view = load_view(bin)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from simpick.cli.outputs import counted
 from simpick.config import Config, NonNegativeInt, PositiveInt
 from simpick.errors import ConfigError
 
@@ -80,6 +81,12 @@ class Evaluate(Config):
 
     def run(self) -> int:
         """Evaluate, print the tables, and write the files that were asked for."""
+        # First, so that nothing is silent while libraries load.
+        from simpick.terminal import Console
+
+        method = self.estimator if self.results is None else f"the results in {self.results}"
+        images = counted(self.bins, "bin") if self.dataset is None else str(self.dataset)
+        Console().print_line(f"evaluating {method} on {images}")
         return self._run_bins() if self.dataset is None else self._run_dataset(self.dataset)
 
     def _check_rules(self) -> None:

@@ -28,22 +28,27 @@ class GraspsShow:
 
     def run(self) -> int:
         """Print the table; parts that are new to the cache take some seconds each."""
+        # First, so that nothing is silent while libraries load.
+        from simpick.terminal import Console
+
+        console = Console()
+        console.print_line(f"grasps of {', '.join(self.parts) or 'the library'} with {', '.join(self.grippers)}")
         from simpick.assets import get_part, library_part_names
         from simpick.grasping import verified_grasps
         from simpick.grasping.coverage import resting_coverage
-        from simpick.terminal import Console, narrow_table, track
+        from simpick.terminal import narrow_table, track
 
         columns = [column for gripper in self.grippers for column in (gripper, "covered")]
         title = "verified grasps; share of resting poses with two feasible ones"
         table = narrow_table("part", *columns, title=title)
         names = self.parts or library_part_names()
-        for name in track(names, "verifying grasps"):
+        for name in track(names, "verifying grasps", console=console):
             part = get_part(name)
             row = [part.name]
             for gripper in self.grippers:
                 row += [str(len(verified_grasps(part, gripper))), f"{resting_coverage(part, gripper):.0%}"]
             table.add_row(*row)
-        Console().print(table)
+        console.print(table)
         return 0
 
 
@@ -59,12 +64,16 @@ class GraspsBuild(Config):
 
     def run(self) -> int:
         """Write ``assets/grasps/*.npz``."""
-        from simpick.assets import library_part_names
-        from simpick.assets.grippers.registry import GRIPPERS
-        from simpick.terminal import Console, track
-        from simpick.workers import UNLIMITED, WorkerPool
+        # First, so that nothing is silent while libraries load.
+        from simpick.terminal import Console
 
         console = Console()
+        console.print_line("verifying the grasps of the library with all grippers")
+        from simpick.assets import library_part_names
+        from simpick.assets.grippers.registry import GRIPPERS
+        from simpick.terminal import track
+        from simpick.workers import UNLIMITED, WorkerPool
+
         jobs = [(name, gripper) for name in library_part_names() for gripper in GRIPPERS]
         with WorkerPool(self.workers, UNLIMITED) as pool:
             calls = [pool.submit(_build, job) for job in jobs]

@@ -10,7 +10,7 @@ from typing import Annotated
 import tyro
 from annotated_types import Interval, MinLen
 
-from simpick.cli.outputs import check_image
+from simpick.cli.outputs import check_image, counted
 from simpick.config import Config, PositiveInt
 
 
@@ -36,13 +36,17 @@ class RefinerBasin(Config):
 
     def run(self) -> int:
         """Measure and plot."""
+        # First, so that nothing is silent while libraries load.
+        from simpick.terminal import Console
+
+        console = Console()
+        console.print_line(f"refining from known offsets in {counted(self.bins, 'bin')}: {self.out}")
         from simpick.estimators.refiner import Refiner
         from simpick.pose_eval.benchmark_bins import benchmark_bins, load_view
         from simpick.pose_eval.refiner_basin import measure_basin, plot_basin
-        from simpick.terminal import Console, track
+        from simpick.terminal import track
 
         check_image(self.out, overwrite=self.overwrite)
-        console = Console()
         views = [load_view(bin) for bin in track(benchmark_bins(self.bins), "making bins", console=console)]
         with Refiner() as refiner:
             shown = track(views, "refining from known offsets", console=console)
@@ -86,6 +90,11 @@ class RefinerCalibrate(Config):
 
     def run(self) -> int:
         """Fit, check, write."""
+        # First, so that nothing is silent while libraries load.
+        from simpick.terminal import Console
+
+        console = Console()
+        console.print_line(f"fitting the refiner's confidence on {counted(self.bins, 'random bin')}: {self.out}")
         from simpick.estimators.detections import detector_data
         from simpick.estimators.refiner import RefinedEstimator
         from simpick.estimators.refiner.confidence import FEATURES, Confidence, fit_confidence, read_confidence
@@ -100,7 +109,7 @@ class RefinerCalibrate(Config):
             random_bin,
             write_confidence,
         )
-        from simpick.terminal import Console, track
+        from simpick.terminal import track
 
         check_image(self.out / "reliability.png", overwrite=self.overwrite)
         # Before any bin is made, so that a wrong name costs no time. The shipped weights may be damaged, or of other
@@ -110,7 +119,6 @@ class RefinerCalibrate(Config):
         estimators = {name: RefinedEstimator(load_estimator(name), confidence=unused) for name in self.starts}
         for name in self.detections:
             detector_data(name)
-        console = Console()
         check = [load_view(bin) for bin in track(benchmark_bins(self.check_bins), "making bins", console=console)]
         numbers = track(range(self.bins), "random bins", console=console)
         fit = [random_bin(k, self.parts, self.count[k % len(self.count)]) for k in numbers]

@@ -35,16 +35,20 @@ class TemplatesShow(Config):
 
     def run(self) -> int:
         """Render the templates, or read them from the cache, and write the sheet."""
+        # First, so that nothing is silent while libraries load.
+        from simpick.terminal import Console
+
+        console = Console()
+        console.print_line(f"rendering {self.views} templates of {self.part}: {self.out}")
         import time
 
         from simpick.assets import get_part
         from simpick.rendering import TemplateConfig, load_templates, template_sheet
-        from simpick.terminal import Console, progress_bar
+        from simpick.terminal import progress_bar
 
         config = TemplateConfig(views=self.views, size_px=self.size_px)
         check_image(self.out, overwrite=self.overwrite)
         part = get_part(self.part)
-        console = Console()
         start = time.perf_counter()
         with progress_bar(console) as bar:
             task = bar.add_task(f"rendering {part.name}", total=self.views)
@@ -68,6 +72,10 @@ class TemplatesMake:
 
     def run(self) -> int:
         """Render what is not in the cache yet."""
+        # First, so that nothing is silent while libraries load.
+        from simpick.terminal import Console
+
+        Console().print_line(f"rendering templates of {', '.join(self.parts) or 'all parts'}, where the cache has none")
         from simpick.assets import get_part, part_names
         from simpick.rendering import TemplateConfig, load_templates
         from simpick.terminal import track

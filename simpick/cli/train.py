@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
@@ -59,9 +60,14 @@ class Train(TrainingOptions):
 
     def run(self) -> int:
         """Train, showing progress, and draw the curves."""
+        # First, so that nothing is silent while libraries load.
+        from simpick.terminal import Console
+
+        folder = self.out or Path("logs/train") / f"{self.mode}-{self.size}"
+        console = Console(quiet=int(os.environ.get("RANK", "0")) > 0)
+        console.print_line(f"training {self.mode} ({self.size}) in {folder}")
         from contextlib import nullcontext
 
-        from simpick.terminal import Console
         from simpick.training.budget import Budget
         from simpick.training.curves import write_curves
         from simpick.training.distributed import Distributed
@@ -75,10 +81,7 @@ class Train(TrainingOptions):
                 f"sphere; got {self.network.spread_deg:g} for {self.mode}"
             )
         budget = Budget(self.minutes, self.steps)
-        folder = self.out or Path("logs/train") / f"{self.mode}-{self.size}"
         is_first = Distributed.from_environment(self.resources.device).is_first
-        console = Console(quiet=not is_first)
-        console.print_line(f"training {self.mode} ({self.size}) in {folder}")
         progress = TrainProgress(console)
         try:
             with progress if is_first else nullcontext():

@@ -64,13 +64,15 @@ class TrainDetector:
 
     def run(self) -> int:
         """Train, showing progress."""
+        # First, so that nothing is silent while libraries load.
         from simpick.terminal import Console
+
+        console = Console()
+        console.print_line(f"training the detector in {self.out}")
         from simpick.training.budget import Budget
         from simpick.training.detector.progress import DetectorProgress
         from simpick.training.detector.trainer import train_detector
 
-        console = Console()
-        console.print_line(f"training the detector in {self.out}")
         with DetectorProgress(console) as progress:
             weights = train_detector(
                 self.training,

@@ -114,6 +114,13 @@ def test_former_names_still_work_and_say_so(capsys) -> None:
     )
 
 
+def test_no_command_loads_torch_before_its_first_line() -> None:
+    modules = sorted({f"simpick.cli.{target.partition(':')[0]}" for target in COMMANDS.values()})
+    loads = f"[m for m in {modules} if import_module(m) and 'torch' in sys.modules]"
+    code = f"import sys; from importlib import import_module; print({loads})"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
 def test_the_overview_loads_no_heavy_library() -> None:
     heavy = "{'torch', 'mujoco', 'rerun', 'mink', 'trimesh', 'cv2', 'matplotlib', 'scipy'}"
     code = (

@@ -19,7 +19,7 @@ from simpick.config import (
     read_json,
 )
 from simpick.errors import ConfigError
-from simpick.estimators.detector.encoder import STAGES, STRIDE
+from simpick.estimators.detector.encoder_stages import STAGES, STRIDE
 from simpick.rendering.camera_effects import CameraEffects
 from simpick.training.detector.bin_data import BinDataConfig
 from simpick.training.learning_rate import WarmupAndDecay

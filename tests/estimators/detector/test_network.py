@@ -8,7 +8,8 @@ import torch
 from simpick.errors import CheckpointError
 from simpick.estimators.detector.affinities import OFFSETS
 from simpick.estimators.detector.checkpoints import load_detector_checkpoint, save_detector_checkpoint
-from simpick.estimators.detector.encoder import OUTPUT_CHANNELS, EfficientNetLite0, load_imagenet_weights
+from simpick.estimators.detector.encoder import EfficientNetLite0, load_imagenet_weights
+from simpick.estimators.detector.encoder_stages import OUTPUT_CHANNELS
 from simpick.estimators.detector.network import InstanceNetwork, ResidualBlock
 from simpick.estimators.detector.scores import MaskScore
 from simpick.estimators.raypose.checkpoints import shipped_checkpoint
