@@ -49,11 +49,16 @@ def choose_unit(
     length = longest_side * METRES_PER_UNIT[chosen]
     note = f"{file}: read in {chosen}, {reason} ({_mm(length)} long"
     if unit == "auto" and chosen != stated:
-        others = [name for name in _ORDER if name != chosen and _fits(longest_side, name, SMALLEST_M, LARGEST_M)]
-        other = "; ".join(f"{_mm(longest_side * METRES_PER_UNIT[name])} in {name}" for name in others)
-        note += f"; {other}" * bool(others)
+        others = other_lengths(longest_side, chosen)
+        note += f"; {others}" * bool(others)
         return UnitChoice(chosen, METRES_PER_UNIT[chosen], f"{note}). For another unit: {file}@UNIT, or --unit")
     return UnitChoice(chosen, METRES_PER_UNIT[chosen], f"{note})")
+
+
+def other_lengths(longest_side: float, chosen: str) -> str:
+    """Return how long a part would be in the other possible units; an empty text if there are none."""
+    others = [name for name in _ORDER if name != chosen and _fits(longest_side, name, SMALLEST_M, LARGEST_M)]
+    return "; ".join(f"{_mm(longest_side * METRES_PER_UNIT[name])} in {name}" for name in others)
 
 
 def split_unit(path: str) -> tuple[str, Unit]:

@@ -86,7 +86,7 @@ class Estimate(Config):
     def run(self) -> int:
         """Estimate, print the poses, and write the files; return 1 if an image could not be answered."""
         from simpick.photos.image_files import ImageReader, find_images
-        from simpick.photos.outputs import PoseFiles, unit_name
+        from simpick.photos.outputs import PoseFiles, describe_part
         from simpick.photos.parts import load_parts
         from simpick.photos.photo_estimator import PhotoEstimator
         from simpick.photos.photo_recording import PhotoRecording
@@ -99,9 +99,8 @@ class Estimate(Config):
         console.print_line(calibration.describe())
         images = find_images(self.images, every=self.every)
         parts = load_parts(self.part, self.unit)
-        for part in parts:
-            extents = " x ".join(f"{extent * 1e3:.1f}" for extent in part.extents_m)
-            console.print_line(f"{part.name}: {extents} mm; poses in {unit_name(part)}, the unit of its file")
+        for part, given in zip(parts, self.part, strict=True):
+            console.print_line(describe_part(part, given, self.unit))
         source = self._detections([part.name for part in parts])
         found = failed = 0
         with (
@@ -110,9 +109,10 @@ class Estimate(Config):
             PhotoRecording(self.out / "poses.rrd", parts, overwrite=self.overwrite) as recording,
         ):
             files = PoseFiles(parts, self.mode, probabilities=estimator.gives_probabilities)
+            sizes: list[tuple[int, int]] = []
             try:
                 for k, image in enumerate(track(images, "images", console=console)):
-                    answer = self._answer(image, reader, calibration, estimator, source)
+                    answer = self._answer(image, reader, calibration, estimator, source, sizes)
                     recording.add(k, answer)
                     files.add(answer)
                     _print(console, answer, rivals=self.show_rivals)
@@ -159,14 +159,19 @@ class Estimate(Config):
         calibration: Calibration,
         estimator: PhotoEstimator,
         source: Callable[[ImageFile, int, int], Detector | Sequence[Detection]],
+        sizes: list[tuple[int, int]],
     ) -> ImageAnswer:
-        """Return one image's poses with its overlay written; an error of this image does not end the others."""
+        """Return one image's poses with its overlay written; an error of this image does not end the others.
+
+        `sizes` are those of the images before that the camera suits; this one's is added.
+        """
         from simpick.photos.outputs import ImageAnswer
 
         try:
             photo = reader.read(image, calibration.size)
             height, width = photo.rgb.shape[:2]
             camera = calibration.of_size(width, height)
+            sizes.append((width, height))
             poses = estimator.estimate(photo.rgb, camera, source(image, height, width), count=self.count)
             checks = estimator.checks(poses)
             self._draw(image, estimator, poses, checks)
@@ -174,7 +179,7 @@ class Estimate(Config):
             raise
         except SimpickError as error:
             return ImageAnswer(str(image), image.name, None, (), (), str(error))
-        notes = [*photo.notes, *self._missing(poses), *estimator.doubts(poses)]
+        notes = [*photo.notes, *_other_size(sizes), *self._missing(poses), *estimator.doubts(poses)]
         return ImageAnswer(str(image), image.name, poses, checks, notes)
 
     def _draw(
@@ -204,6 +209,18 @@ class Estimate(Config):
         if unanswered and self.count is None:
             return [f"{unanswered} detections have no estimate: outside the image, or too few pixels"]
         return []
+
+
+def _other_size(sizes: list[tuple[int, int]]) -> list[str]:
+    """Return a sentence if the last image is not as large as the first, though both have one camera."""
+    (width, height), (first_width, first_height) = sizes[-1], sizes[0]
+    if (width, height) == (first_width, first_height):
+        return []
+    return [
+        f"{width} x {height} px, where the first image has {first_width} x {first_height} px and the same camera: its "
+        "poses are right only if it was cropped at its right or lower side. State width and height in a camera file to "
+        "have other sizes refused"
+    ]
 
 
 def _print(console: Console, answer: ImageAnswer, *, rivals: bool) -> None:

@@ -254,9 +254,9 @@ class Evaluate(Config):
 
         console.print(recall_table(evaluation, title))
         console.print(visibility_table(evaluation, "medians and recalls", total=True))
-        console.print(
-            f"{evaluation.images} images, {evaluation.detections} detections, "
-            f"{evaluation.ms_per_detection:.1f} ms per detection"
-        )
+        line = f"{evaluation.images} images"
+        if evaluation.detections:  # A results file has none.
+            line += f", {evaluation.detections} detections, {evaluation.ms_per_detection:.1f} ms per detection"
+        console.print(line)
         for line in disturbance_lines({"estimates": evaluation.core_time}):
             console.print_line(line)

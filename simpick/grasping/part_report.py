@@ -16,8 +16,8 @@ from simpick.scene.config import SceneConfig
 
 LEAST_COVERAGE = 0.05
 """Below this share of resting poses with two feasible grasps, a gripper cannot empty a bin of the part."""
-ENOUGH_COVERAGE = 0.5
-"""Below this share, parts are left over that lie the wrong way."""
+ENOUGH_COVERAGE = 0.95
+"""Below this share, parts are left over that lie the wrong way: of tall bellows at 0.85, 5 of 16."""
 _LEAST_PIXELS = 150
 """A part must cover so many pixels of the overhead image to be found and estimated with some certainty."""
 _LEAST_WIDE_PX = 6

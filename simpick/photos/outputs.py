@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from simpick.assets.cad_import import is_mesh_path
 from simpick.assets.part import Part
-from simpick.assets.units import METRES_PER_UNIT
+from simpick.assets.units import METRES_PER_UNIT, Unit, other_lengths, split_unit
 from simpick.caching import atomic_write_text
 from simpick.photos.cad_poses import CadPoseEstimate
 from simpick.photos.photo_estimator import PhotoPoses
@@ -97,6 +98,23 @@ def unit_name(part: Part) -> str:
     """Return the name of the unit of a part's CAD file."""
     scale = part.metres_per_cad_unit
     return next((name for name, value in METRES_PER_UNIT.items() if math.isclose(value, scale)), f"{scale:g} m")
+
+
+def describe_part(part: Part, given: str, unit: Unit) -> str:
+    """Return a part's size and unit; of a mesh file whose unit was guessed, also its length in other units.
+
+    `given` is the text that the part was asked for by, `unit` the option.
+    """
+    extents = " x ".join(f"{extent * 1e3:.1f}" for extent in part.extents_m)
+    size = f"{part.name}: {extents} mm; poses in {unit_name(part)}"
+    if not is_mesh_path(given):
+        return size
+    file, own_unit = split_unit(given)
+    size += ", the unit of its file"
+    others = other_lengths(float(part.extents_m.max()) / part.metres_per_cad_unit, unit_name(part))
+    if unit != "auto" or own_unit != "auto" or not others:
+        return size
+    return f"{size} ({others}). For another unit: {file}@UNIT, or --unit"
 
 
 def _image(answer: ImageAnswer, probabilities: bool) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from simpick.assets import get_part, load_cad
 from simpick.assets.cad_import import is_mesh_path
 from simpick.assets.face_colours import with_file_colours
 from simpick.assets.part import Part
-from simpick.assets.units import Unit
+from simpick.assets.units import Unit, split_unit
 from simpick.photos.onboarding_file import SUFFIX, load_onboarding
 
 
@@ -31,7 +31,9 @@ def _load(text: str, unit: Unit) -> Part:
         return load_onboarding(Path(text))
     if not is_mesh_path(text):
         return get_part(text)
-    return _coloured(get_part(text) if unit == "auto" else load_cad(text, unit=unit), Path(text))
+    file, own_unit = split_unit(text)
+    given = own_unit if unit == "auto" else unit
+    return _coloured(get_part(text) if given == own_unit else load_cad(file, unit=given), Path(file))
 
 
 @lru_cache(maxsize=64)

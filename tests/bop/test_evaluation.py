@@ -231,6 +231,7 @@ def test_results_need_neither_masks_nor_detections(root, tmp_path, capsys):
     assert "mine_tiny-test on tiny" in text and "AR of 2" in text
     row = next(line for line in text.splitlines() if line.split()[:1] == ["all"])
     assert row.split() == ["all", "4", "100.0", "-", "100.0", "100.0"]
+    assert text.rstrip().endswith("2 images"), "no time per detection"
 
 
 def test_failed_estimates_are_misses_with_a_note(root, tmp_path, capsys):

@@ -8,10 +8,14 @@ import cv2
 import numpy as np
 import pytest
 import trimesh
+from trimesh.visual.color import ColorVisuals
 
 from simpick.assets import get_part
+from simpick.assets.units import Unit
 from simpick.cli.main import main
 from simpick.geometry import Pinhole, so3_exp, transform
+from simpick.photos.outputs import describe_part
+from simpick.photos.parts import load_parts
 from simpick.rendering import PartRenderer
 
 CAMERA = Pinhole(160, 120, 240.0, 240.0, 80.5, 60.5)
@@ -114,3 +118,42 @@ def test_a_part_of_the_wrong_unit_is_named(longest: float, folder: Path, tmp_pat
     camera = ["--camera", *NUMBERS, "--part", str(path), "--unit", "m"]
     assert main(["estimate", str(folder / "images" / "a1.png"), *camera, "--out", str(tmp_path)]) == 2
     assert "odd.stl" in capsys.readouterr().err
+
+
+def test_an_image_of_another_size_than_the_first_is_named(folder: Path, tmp_path: Path, capsys) -> None:
+    image = cv2.imread(str(folder / "images" / "a1.png"))
+    assert image is not None
+    for name, rows in (("a.png", 120), ("b.png", 110), ("c.png", 120)):
+        cv2.imwrite(str(tmp_path / name), image[:rows])
+    (tmp_path / "none.json").write_text("{}")
+    arguments = ["--camera", *NUMBERS, "--part", "inch_block", "--mode", "retrieval"]
+    detections = ["--detections", str(tmp_path / "none.json"), "--out", str(tmp_path / "out")]
+    assert main(["estimate", str(tmp_path), *arguments, *detections]) == 0
+    notes = [i["notes"] for i in json.loads((tmp_path / "out" / "poses.json").read_text())["images"]]
+    assert ["where the first image has 160 x 120 px" in " ".join(n) for n in notes] == [False, True, False]
+
+
+def test_a_guessed_unit_is_stated_with_the_sizes_in_others(tmp_path: Path) -> None:
+    path = tmp_path / "block.stl"
+    trimesh.creation.box((5.0, 4.0, 3.0)).export(path)
+
+    def text(given: str, unit: Unit = "auto") -> str:
+        (part,) = load_parts([given], unit)
+        return describe_part(part, given, unit)
+
+    assert text(str(path)) == (
+        "block: 5.0 x 4.0 x 3.0 mm; poses in mm, the unit of its file (127 mm in inch; 50 mm in cm). "
+        f"For another unit: {path}@UNIT, or --unit"
+    )
+    assert text(f"{path}@cm") == text(str(path), "cm") == text(f"{path}@mm", "cm")
+    assert text(f"{path}@cm") == "block: 50.0 x 40.0 x 30.0 mm; poses in cm, the unit of its file"
+    assert text("inch_block").endswith("poses in inch")
+
+
+def test_a_file_given_with_its_unit_keeps_its_colours(tmp_path: Path) -> None:
+    block = trimesh.creation.box((40.0, 30.0, 20.0))
+    left = block.vertices[:, :1] < 0
+    block.visual = ColorVisuals(block, vertex_colors=np.where(left, [[220, 20, 20, 255]], [[20, 20, 220, 255]]))
+    block.export(tmp_path / "block.ply")
+    (part,) = load_parts([f"{tmp_path / 'block.ply'}@cm"])
+    assert part.face_rgb is not None and part.face_rgb.std(axis=0).max() > 50

@@ -64,6 +64,14 @@ def test_what_will_be_hard_is_said(tmp_path, extents, text):
     assert any(reason.startswith(text) for reason in difficulties(box_part(tmp_path, extents), []))
 
 
+@pytest.mark.parametrize(
+    ("coverage", "said"), [(0.96, []), (0.85, ["jaw: only 85% of its resting poses can be gripped"])]
+)
+def test_resting_poses_that_cannot_be_gripped_are_said(tmp_path, coverage, said):
+    found = list(difficulties(box_part(tmp_path, [40, 30, 20]), [Gripping("jaw", 50, 40, coverage)]))
+    assert [reason.partition(";")[0] for reason in found] == said
+
+
 def test_a_part_that_is_easy_has_no_difficulties():
     part = get_part("hex_bolt")
     assert list(difficulties(part, [gripping(part, "jaw")])) == []
