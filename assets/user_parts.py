@@ -74,6 +74,11 @@ def add_user_part(
     return imported
 
 
+def user_part_file(name: str) -> Path | None:
+    """Return the copy of the mesh file of a part that was added; None if there is none of this name."""
+    return next((user_parts_dir() / name).glob("model.*"), None) if name in user_part_names() else None
+
+
 def _put(staging: Path, target: Path) -> None:
     """Move a folder to its place; a folder that is there is deleted when the new one is in place."""
     if not target.exists():

@@ -12,6 +12,7 @@ from simpick.assets.cad_import import is_mesh_path
 from simpick.assets.face_colours import with_file_colours
 from simpick.assets.part import Part
 from simpick.assets.units import Unit, split_unit
+from simpick.assets.user_parts import user_part_file
 from simpick.photos.onboarding_file import SUFFIX, load_onboarding
 
 
@@ -30,7 +31,8 @@ def _load(text: str, unit: Unit) -> Part:
     if Path(text).suffix == SUFFIX:
         return load_onboarding(Path(text))
     if not is_mesh_path(text):
-        return get_part(text)
+        copied = user_part_file(text)
+        return get_part(text) if copied is None else _coloured(get_part(text), copied)
     file, own_unit = split_unit(text)
     given = own_unit if unit == "auto" else unit
     return _coloured(get_part(text) if given == own_unit else load_cad(file, unit=given), Path(file))

@@ -150,10 +150,11 @@ def test_a_guessed_unit_is_stated_with_the_sizes_in_others(tmp_path: Path) -> No
     assert text("inch_block").endswith("poses in inch")
 
 
-def test_a_file_given_with_its_unit_keeps_its_colours(tmp_path: Path) -> None:
+def test_files_with_a_unit_and_added_parts_keep_their_colours(tmp_path: Path) -> None:
     block = trimesh.creation.box((40.0, 30.0, 20.0))
     left = block.vertices[:, :1] < 0
     block.visual = ColorVisuals(block, vertex_colors=np.where(left, [[220, 20, 20, 255]], [[20, 20, 220, 255]]))
     block.export(tmp_path / "block.ply")
-    (part,) = load_parts([f"{tmp_path / 'block.ply'}@cm"])
-    assert part.face_rgb is not None and part.face_rgb.std(axis=0).max() > 50
+    main(["parts", "add", str(tmp_path / "block.ply"), "--name", "two_coloured", "--overwrite"])
+    for part in load_parts([f"{tmp_path / 'block.ply'}@cm", "two_coloured"]):
+        assert part.face_rgb is not None and part.face_rgb.std(axis=0).max() > 50, part.name
