@@ -22,6 +22,7 @@ from simpick.config import Config, Fraction, NonNegativeFloat, PositiveFloat, Po
 from simpick.geometry.transforms import transform_points
 from simpick.grasping.exposure import exposures
 from simpick.grasping.failure_memory import FailureMemory
+from simpick.grasping.obstacle_points import ObstaclePoints
 from simpick.grasping.part_grasps import symmetric_grasps
 from simpick.grasping.unexplained import UnexplainedSpace
 from simpick.records import Grasp
@@ -29,8 +30,8 @@ from simpick.scene.config import BinConfig
 from simpick.scene.workspace import bin_interior
 
 _SURFACE_POINTS = 700
-_SPARSE = 8
-"""Every so many points on other parts are tested first."""
+_NEAR_M = 0.3
+"""Points on other parts that are further from a target's origin cannot be in the way of its grasps."""
 
 
 @dataclass(frozen=True)
@@ -172,13 +173,18 @@ class GraspPlanner:
             (-float(target.scores.max(initial=0.0)), target.index, 0, target) for target in targets
         ]
         heapq.heapify(queue)
+        points, owners = np.concatenate([np.zeros((0, 3)), *clouds]), np.repeat(np.arange(len(clouds)), _SURFACE_POINTS)
+        order = np.argsort(points[:, 1], kind="stable")
+        obstacles, owners = ObstaclePoints.from_ordered(points[order].T), owners[order]
         while queue:
             *_, best = heapq.heappop(queue)
             if isinstance(best, WorldGrasp):
                 yield best
                 continue
-            others = np.concatenate([c for j, c in enumerate(clouds) if j != best.index] or [np.zeros((0, 3))])
+            near = obstacles.distances_m(best.origin_m) < _NEAR_M
+            others = obstacles.where(near & (owners != best.index))
             doubtful = np.zeros((0, 3)) if unexplained is None else unexplained.around(best.index)
+            doubtful = doubtful[np.linalg.norm(doubtful - best.origin_m, axis=-1) < _NEAR_M]
             for number, grasp in enumerate(self._grasps_of(best, others, doubtful, rejected), 1):
                 heapq.heappush(queue, (-grasp.quality, best.index, number, grasp))
 
@@ -225,16 +231,12 @@ class GraspPlanner:
     def _grasps_of(
         self,
         target: _Target,
-        others: Float[np.ndarray, "n 3"],
+        others: ObstaclePoints,
         doubtful: Float[np.ndarray, "m 3"],
         rejected: Counter[Rejection],
     ) -> list[WorldGrasp]:
         """Return up to `grasps_per_target` feasible grasps of one part."""
         config = self.config
-        near, doubtful = (
-            points[np.linalg.norm(points - target.origin_m, axis=-1) < 0.3] for points in (others, doubtful)
-        )
-        sparse = np.ascontiguousarray(near[::_SPARSE])
         clearances = config.side_clearances_m if self.gripper.max_opening_m > 0 else (0.0,)
         free: list[WorldGrasp] = []
         brushing: list[WorldGrasp] = []
@@ -248,10 +250,7 @@ class GraspPlanner:
                 if back_m > config.most_back_off_m or not self._clears_bin(T_world_tcp, edges):
                     continue
                 why = Rejection.PARTS
-                # Most grasps that are in the way of other parts already show it by one point in eight.
-                if self._touched(T_world_tcp, opening, boxes, sparse) > config.most_points_touched:
-                    continue
-                touched = self._touched(T_world_tcp, opening, boxes, near)
+                touched = self._touched(T_world_tcp, opening, boxes, others)
                 if touched > config.most_points_touched:
                     continue
                 why = None
@@ -301,11 +300,11 @@ class GraspPlanner:
     def _clears_bin(self, T_world_tcp: Float[np.ndarray, "4 4"], edges: Float[np.ndarray, "n 3"]) -> bool:
         """Return whether the open gripper and its straight approach keep clear of the bin's walls and floor."""
         config = self.config
-        body = transform_points(T_world_tcp, edges)
-        if body[:, 2].min() < 0.0:
+        body = T_world_tcp[:3, :3] @ edges.T + T_world_tcp[:3, 3:]
+        if body[2].min() < 0.0:
             return False
-        back_m = np.array([0.0, 0.5 * config.approach_m, config.approach_m])
-        x, y, z = (body[:, k] - back_m[:, None] * T_world_tcp[k, 2] for k in range(3))
+        back_m = np.array([[0.0], [0.5 * config.approach_m], [config.approach_m]])
+        x, y, z = body[:, None] - back_m * T_world_tcp[:3, 2, None, None]
         (left, front, _), (right, rear, _) = (
             self._lower + config.wall_clearance_m,
             self._upper - config.wall_clearance_m,
@@ -318,19 +317,18 @@ class GraspPlanner:
         T_world_tcp: Float[np.ndarray, "4 4"],
         opening_m: float,
         boxes: GripperBoxes,
-        obstacles: Float[np.ndarray, "n 3"],
+        obstacles: ObstaclePoints,
     ) -> int:
         """Return how many points on other parts lie in the way of the open gripper and its straight approach.
 
         A point that the closing gripper would take along counts as one too many.
         """
         config = self.config
-        points = (obstacles - T_world_tcp[:3, 3]) @ T_world_tcp[:3, :3]
-        # A quick test first: most points lie below the fingertips or far to the side.
-        lowest, widest = boxes[..., 2].max() + config.part_clearance_m, np.abs(boxes[..., :2]).max()
-        x, y, z = np.abs(points[:, 0]), np.abs(points[:, 1]), points[:, 2]
-        points = points[(z < lowest) & (np.maximum(x, y) < widest + config.part_clearance_m)]
-        touched = int(points_in_boxes(points, swept_back(boxes, config.approach_m), config.part_clearance_m).sum())
-        if points_in_boxes(points, self.gripper.grip_boxes(opening_m)).any():
+        solid, gripped = swept_back(boxes, config.approach_m), self.gripper.grip_boxes(opening_m)
+        lower = np.concatenate([solid[:, 0], gripped[:, 0]]).min(axis=0) - config.part_clearance_m
+        upper = np.concatenate([solid[:, 1], gripped[:, 1]]).max(axis=0) + config.part_clearance_m
+        points = obstacles.around_box(T_world_tcp, lower, upper)
+        touched = int(points_in_boxes(points, solid, config.part_clearance_m).sum())
+        if points_in_boxes(points, gripped).any():
             return config.most_points_touched + 1
         return touched

@@ -9,6 +9,7 @@ from simpick.assets.library import get_part
 from simpick.geometry import Pinhole, look_at
 from simpick.geometry.transforms import so3_exp, transform, transform_points
 from simpick.grasping import FailureMemory, GraspPlanner, PlannerConfig, Rejection, UnexplainedSpace
+from simpick.grasping.obstacle_points import ObstaclePoints
 from simpick.grasping.part_grasps import symmetric_grasps
 from simpick.scene.config import BinConfig
 
@@ -127,5 +128,5 @@ def test_what_is_in_the_way_is_counted_with_its_clearance(
     planner: GraspPlanner, point_mm: tuple[float, ...], touched: int
 ) -> None:
     T = lying(z_m=0.3)
-    obstacle = transform_points(T, np.array([point_mm]) / 1e3)
+    obstacle = ObstaclePoints.of(transform_points(T, np.array([point_mm]) / 1e3))
     assert planner._touched(T, OPENING_M, planner.gripper.boxes(OPENING_M), obstacle) == touched
