@@ -101,7 +101,7 @@ class Estimate(Config):
         parts = load_parts(self.part, self.unit)
         for part, given in zip(parts, self.part, strict=True):
             console.print_line(describe_part(part, given, self.unit))
-        source = self._detections([part.name for part in parts])
+        source = self._detections([part.name for part in parts], console)
         found = failed = 0
         with (
             ImageReader() as reader,
@@ -139,7 +139,9 @@ class Estimate(Config):
         K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
         return Calibration.from_K(K, pixel_centres="half" if self.half_pixel else "integer", source="--camera")
 
-    def _detections(self, names: list[str]) -> Callable[[ImageFile, int, int], Detector | Sequence[Detection]]:
+    def _detections(
+        self, names: list[str], console: Console
+    ) -> Callable[[ImageFile, int, int], Detector | Sequence[Detection]]:
         """Return what gives the detector, or the detections, of an image of some height and width."""
         from simpick.photos.photo_detections import DetectionFile, boxes_from_numbers
         from simpick.photos.photo_estimator import photo_detector
@@ -148,7 +150,10 @@ class Estimate(Config):
             boxes = boxes_from_numbers(self.boxes, names[0])
             return lambda image, height, width: boxes
         if Path(self.detections).suffix == ".json":
-            return DetectionFile(Path(self.detections), names).of
+            file = DetectionFile(Path(self.detections), names)
+            if file.note:
+                console.print_line(f"note: {file.note}")
+            return file.of
         detector = photo_detector(self.detections)
         return lambda image, height, width: detector
 
@@ -200,6 +205,8 @@ class Estimate(Config):
 
     def _missing(self, poses: PhotoPoses) -> list[str]:
         """Return why there are fewer estimates than one may expect."""
+        if not poses.detections and Path(self.detections).suffix == ".json":
+            return [f"{self.detections} lists no detection of this image: neither by its file name nor by its number"]
         if not poses.detections:
             return [
                 "nothing was detected. Look whether the part is in the image and large enough; give boxes (--boxes "

@@ -53,9 +53,20 @@ class DetectionFile:
         self._path, self._parts = path, list(parts)
         self._by_name: dict[str, list[Any]] = {}
         self._by_id: dict[int, list[BopDetection]] = {}
+        self.note = ""
+        """A sentence about entries that are left out; empty if there are none."""
         if isinstance(content, list):
-            for entry in parse_detections(content, path):
+            entries = parse_detections(content, path)
+            for entry in entries:
                 self._by_id.setdefault(entry.im_id, []).append(entry)
+            unknown = {entry.obj_id for entry in entries} - set(range(1, len(parts) + 1))
+            if unknown:
+                count = sum(entry.obj_id in unknown for entry in entries)
+                numbered = ", ".join(f"{k} {name}" for k, name in enumerate(parts, 1))
+                self.note = (
+                    f"{count} of {len(entries)} detections in {path} are left out: category_id must be the number of a "
+                    f"part in the order of --part ({numbered}), got {', '.join(map(str, sorted(unknown)))}"
+                )
         elif isinstance(content, dict) and all(isinstance(value, list) for value in content.values()):
             self._by_name = content
         else:

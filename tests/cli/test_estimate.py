@@ -77,7 +77,21 @@ def test_nothing_detected_says_what_to_do(folder: Path, tmp_path: Path, capsys) 
     arguments = ["--camera", *NUMBERS, "--part", "inch_block", "--mode", "retrieval"]
     detections = ["--detections", str(tmp_path / "none.json"), "--out", str(tmp_path / "out")]
     assert main(["estimate", str(folder / "images" / "a1.png"), *arguments, *detections]) == 0
+    assert "none.json lists no detection of this image" in capsys.readouterr().out.replace("\n", " ")
+    cv2.imwrite(str(tmp_path / "empty.png"), np.full((120, 160, 3), 90, np.uint8))
+    assert main(["estimate", str(tmp_path / "empty.png"), *arguments, "--out", str(tmp_path / "learned")]) == 0
     assert "note: nothing was detected" in capsys.readouterr().out
+
+
+def test_detections_of_categories_that_are_no_part_are_counted(folder: Path, tmp_path: Path, capsys) -> None:
+    entry = {"scene_id": 0, "image_id": 1, "bbox": [40, 30, 80, 70], "score": 0.9, "time": 0.1}
+    (tmp_path / "cnos.json").write_text(json.dumps([entry | {"category_id": k} for k in (1, 5, 9, 9)]))
+    arguments = ["--camera", *NUMBERS, "--part", "inch_block", "--mode", "retrieval"]
+    detections = ["--detections", str(tmp_path / "cnos.json"), "--out", str(tmp_path / "out")]
+    assert main(["estimate", str(folder / "images" / "a1.png"), *arguments, *detections]) == 0
+    text = capsys.readouterr().out.replace("\n", " ")
+    assert "note: 3 of 4 detections in" in text and "(1 inch_block), got 5, 9" in text
+    assert "1 poses in 1 images" in text
 
 
 def test_a_part_of_which_nothing_is_seen_says_so_and_rivals_are_shown(folder: Path, tmp_path: Path, capsys) -> None:
