@@ -40,3 +40,13 @@ def test_the_same_place_depends_on_the_part_s_size(name: str, near_m: float, far
     memory.remember(part, at(0), T_TCP)
     assert memory.factors(part, at(near_m), T_TCP[None]) == 0
     assert memory.factors(part, at(far_m), T_TCP[None]) == 1
+
+
+@pytest.mark.parametrize(("levels", "pixels", "differs"), [(13, 4, True), (12, 4, False), (13, 3, False)])
+def test_more_than_12_levels_on_more_than_3_percent_are_a_change(levels: int, pixels: int, differs: bool) -> None:
+    before, region = np.full((60, 80, 3), 100, np.uint8), np.zeros((60, 80), bool)
+    region[10:20, 5:15] = True
+    region[10, 5 : 5 + pixels], region[10, 70 : 70 + pixels] = False, True
+    after = before.copy()
+    after[:, 60:] += levels
+    assert View(View.of(before, region).luminance, region).differs_from(after) == differs

@@ -143,3 +143,13 @@ def test_level_lines_of_sight_meet_nothing() -> None:
     level = look_at(np.array([0.5, -0.6, 0.2]), np.array([0.5, 0.0, 0.2]))
     points = columns_over_floor(np.ones((240, 320), bool), CAMERA, level, 0.03)
     assert len(points) and np.linalg.norm(points - level[:3, 3], axis=1).max() < 0.2 / 0.1 * 1.1
+
+
+def test_the_nearer_points_are_the_wider_are_their_gaps() -> None:
+    # A spacing of 20 mm is 19.2 px at half a metre.
+    assert outline(at_pixels((100.5, 80.5), (130.5, 80.5)) / 2, 0.02, CAMERA)[80, 100:131].all()
+
+
+def test_each_pose_has_a_part() -> None:
+    with pytest.raises(ValueError, match="longer"):
+        UnexplainedSpace.of(np.zeros((240, 320), bool), CAMERA, T_WORLD_CAMERA, [NUT], [lying()] * 2, [0.9] * 2, RIM_M)
