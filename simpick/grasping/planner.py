@@ -5,7 +5,7 @@ from __future__ import annotations
 import heapq
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Annotated
 
@@ -89,6 +89,8 @@ class WorldGrasp:
 class Rejection(StrEnum):
     """Why a grasp is left out."""
 
+    DOUBTFUL = "of improbable poses"
+    """Below `TRUSTED_SCORE`, where it is known what the image shows."""
     FAILED = "failed before"
     TILT = "tilted too far"
     BIN = "meet the bin"
@@ -152,7 +154,8 @@ class GraspPlanner:
         """Yield the grasps that can be carried out, best first; those of a part are made when they may be the next.
 
         `parts[k]` is estimated at `Ts_world_part[k]`, with a confidence `scores[k]` in [0, 1] if given. Every part is
-        an obstacle to the others. A grasp that meets what these estimates leave `unexplained` comes later.
+        an obstacle to the others. With what the estimates leave `unexplained`, those that it does not trust are not
+        grasped, and a grasp that only these rule out is a last choice; so is one that meets what is unexplained.
         Reach is not checked. Grasps that are left out are counted in `rejected`.
         """
         for part in parts:
@@ -162,12 +165,13 @@ class GraspPlanner:
         ]
         rejected = Counter() if rejected is None else rejected
         weights, open_share = self._weights(clouds, scores)
+        everything = frozenset(range(len(clouds)))
+        trusted = everything if unexplained is None else unexplained.trusted
         targets = [
-            self._target(k, part, T, weight, exposure, memory, rejected)
-            for k, (part, T, weight, exposure) in enumerate(
-                zip(parts, Ts_world_part, weights, open_share.tolist(), strict=True)
-            )
+            self._target(k, parts[k], Ts_world_part[k], weights[k], float(open_share[k]), memory, rejected)
+            for k in sorted(trusted)
         ]
+        rejected[Rejection.DOUBTFUL] += sum(len(self._grasps[parts[k].content_hash][0]) for k in everything - trusted)
         # A target is worth at most the score of its best grasp. Its grasps take its place once they are made.
         queue: list[tuple[float, int, int, _Target | WorldGrasp]] = [
             (-float(target.scores.max(initial=0.0)), target.index, 0, target) for target in targets
@@ -181,11 +185,16 @@ class GraspPlanner:
             if isinstance(best, WorldGrasp):
                 yield best
                 continue
-            near = obstacles.distances_m(best.origin_m) < _NEAR_M
-            others = obstacles.where(near & (owners != best.index))
+            near = (obstacles.distances_m(best.origin_m) < _NEAR_M) & (owners != best.index)
             doubtful = np.zeros((0, 3)) if unexplained is None else unexplained.around(best.index)
             doubtful = doubtful[np.linalg.norm(doubtful - best.origin_m, axis=-1) < _NEAR_M]
-            for number, grasp in enumerate(self._grasps_of(best, others, doubtful, rejected), 1):
+            grasps = self._grasps_of(best, obstacles.where(near), doubtful, rejected)
+            if not grasps and trusted < everything:
+                # What is improbable keeps away, but does not rule out.
+                solid = obstacles.where(near & np.isin(owners, list(trusted)))
+                possible = self._grasps_of(best, solid, doubtful, Counter())
+                grasps = [replace(g, quality=g.quality * self.config.touching_factor) for g in possible]
+            for number, grasp in enumerate(grasps, 1):
                 heapq.heappush(queue, (-grasp.quality, best.index, number, grasp))
 
     def _weights(

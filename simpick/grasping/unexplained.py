@@ -1,4 +1,4 @@
-"""What the image shows and no trusted pose explains: an obstacle as high as it may be."""
+"""What the image shows and no probable pose explains: an obstacle as high as it may be."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ from simpick.geometry.transforms import transform_points
 from simpick.grasping.part_surface import point_spacing_m, surface_points
 
 TRUSTED_SCORE = 0.1
-"""An estimate with a lower score explains nothing: something lies there, but not as estimated."""
+"""An estimate with a lower score is neither grasped nor in the way for certain: it is probably wrong."""
+EXPLAINING_SCORE = 0.3
+"""An estimate with a lower score explains nothing: something lies there, but perhaps not as estimated."""
 _STRIDE_PX = 4
 _STEP_M = 0.006
 _MARGIN_PX = 3
@@ -25,14 +27,16 @@ _NOISE_PX = 5
 
 @dataclass(frozen=True, eq=False)
 class UnexplainedSpace:
-    """Where something may be that no trusted estimate explains, seen from one camera over the floor at z = 0."""
+    """Where something may be that no probable estimate explains, seen from one camera over the floor at z = 0."""
 
     camera: Pinhole
     T_world_camera: Float[np.ndarray, "4 4"]
     pixels: Bool[np.ndarray, "height width"]
-    """Of the foreground, those outside of the outlines of all trusted estimates."""
+    """Of the foreground, those outside of the outlines of all estimates that explain something."""
     outlines: tuple[Bool[np.ndarray, "height width"], ...]
-    """Of each estimate, trusted or not, with a margin."""
+    """Of each estimate, probable or not, with a margin."""
+    trusted: frozenset[int]
+    """Estimates that may be grasped, and that rule out what would meet them."""
     height_m: float
     """How high it may reach."""
 
@@ -56,14 +60,15 @@ class UnexplainedSpace:
             outline(transform_points(T_camera_world, own), point_spacing_m(part), camera)
             for own, part in zip(points, parts, strict=True)
         )
-        trusted = [k for k, score in enumerate(scores) if score >= TRUSTED_SCORE]
         pixels = foreground.copy()
-        for k in trusted:
-            pixels &= ~outlines[k]
+        for k, score in enumerate(scores):
+            if score >= EXPLAINING_SCORE:
+                pixels &= ~outlines[k]
         narrow = np.ones((_NOISE_PX, _NOISE_PX), np.uint8)
         pixels = cv2.morphologyEx(pixels.astype(np.uint8), cv2.MORPH_OPEN, narrow).astype(bool)
+        trusted = frozenset(k for k, score in enumerate(scores) if score >= TRUSTED_SCORE)
         highest_m = max((float(points[k][:, 2].max()) for k in trusted), default=rim_m)
-        return UnexplainedSpace(camera, T_world_camera, pixels, outlines, min(highest_m, rim_m))
+        return UnexplainedSpace(camera, T_world_camera, pixels, outlines, trusted, min(highest_m, rim_m))
 
     def around(self, target: int) -> Float[np.ndarray, "n 3"]:
         """Return points in the world that fill it, without what may be the estimate `target` itself."""

@@ -48,7 +48,7 @@ def test_grasps_that_are_too_steep_or_failed_are_counted_for_all_parts(planner: 
     for T in poses:
         memory.remember(NUT, T, T, missed=True)
     list(planner.search(parts, poses, memory=memory, rejected=rejected))
-    assert rejected == {Rejection.TILT: steep, Rejection.FAILED: len(tilts) - steep}
+    assert rejected == Counter({Rejection.TILT: steep, Rejection.FAILED: len(tilts) - steep})
 
 
 def test_a_part_without_grasps_offers_nothing_and_is_in_the_way_of_others(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -79,7 +79,7 @@ def test_doubt_grows_with_what_is_met() -> None:
     camera = Pinhole(320, 240, 480.0, 480.0, 160.0, 120.0)
     T_world_camera = look_at(np.array([0.5, 0.0, 0.9]), np.array([0.5, 0.0, 0.0]))
     everywhere, nothing = np.ones((240, 320), bool), np.zeros((240, 320), bool)
-    space = UnexplainedSpace(camera, T_world_camera, everywhere, (nothing,), 0.05)
+    space = UnexplainedSpace(camera, T_world_camera, everywhere, (nothing,), frozenset({0}), 0.05)
     quality = {}
     for points in (1e-6, 1e9):
         own = GraspPlanner("jaw", BinConfig(), PlannerConfig(unexplained_points=points))

@@ -1,12 +1,15 @@
 """What the image shows and no trusted pose explains is an obstacle as high as it may be."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 
 from simpick.assets.library import get_part
 from simpick.geometry import Pinhole, invert, look_at
 from simpick.geometry.transforms import so3_exp, transform, transform_points
-from simpick.grasping import GraspPlanner, UnexplainedSpace
+from simpick.grasping import GraspPlanner, Rejection, UnexplainedSpace
+from simpick.grasping.part_grasps import symmetric_grasps
 from simpick.grasping.part_surface import point_spacing_m, surface_points
 from simpick.grasping.unexplained import columns_over_floor, outline
 from simpick.scene.config import BinConfig
@@ -91,15 +94,37 @@ def test_a_grasp_beside_something_unexplained_comes_after_one_that_is_free(plann
     assert {grasp.target for grasp in others} == {0, 1}
 
 
+def test_an_improbable_estimate_is_not_grasped_and_rules_no_grasp_out(planner: GraspPlanner) -> None:
+    """It lies between the pads of every grasp of the nut that the image shows, and is probably wrong."""
+    poses = [lying(), lying(x_m=0.502, y_m=0.002)]
+    foreground, probable, improbable = seen(lying()), [0.9, 0.8], [0.9, 0.05]
+    unexplained = space(foreground, *poses, scores=probable)
+    assert not list(planner.search([NUT, NUT], poses, scores=probable, unexplained=unexplained))
+    rejected: Counter[Rejection] = Counter()
+    unexplained = space(foreground, *poses, scores=improbable)
+    found = list(planner.search([NUT, NUT], poses, scores=improbable, unexplained=unexplained, rejected=rejected))
+    assert {grasp.target for grasp in found} == {0}
+    assert rejected[Rejection.DOUBTFUL] == len(symmetric_grasps(NUT, "jaw"))
+    # What may still lie there makes them the last choice.
+    alone = next(planner.search([NUT], [lying()], scores=[0.9]))
+    assert found[0].quality < 0.1 * alone.quality
+
+
 def test_pixels_of_nothing_change_nothing(planner: GraspPlanner) -> None:
     empty = space(np.zeros((240, 320), bool), lying())
     with_space = list(planner.search([NUT], [lying()], unexplained=empty))
     assert [g.quality for g in with_space] == [g.quality for g in planner.plan([NUT], [lying()])]
 
 
-def test_an_estimate_is_trusted_from_a_tenth_on() -> None:
-    assert not space(seen(lying()), lying(), scores=[0.1]).pixels.any()
-    assert space(seen(lying()), lying(), scores=[0.09]).pixels.any()
+@pytest.mark.parametrize(
+    ("score", "is_trusted", "explains"), [(0.3, True, True), (0.29, True, False), (0.09, False, False)]
+)
+def test_an_estimate_is_trusted_from_0_1_on_and_explains_from_0_3_on(
+    score: float, is_trusted: bool, explains: bool
+) -> None:
+    left = space(seen(lying()), lying(), scores=[score])
+    assert left.trusted == (frozenset({0}) if is_trusted else frozenset())
+    assert left.pixels.any() != explains
 
 
 @pytest.mark.parametrize(("width_px", "is_left"), [(4, False), (5, True)])
