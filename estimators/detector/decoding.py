@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
@@ -30,7 +31,7 @@ class DecodingConfig(Config):
     """Without knowledge of the parts, clusters with a mean affinity above this are merged."""
     possible: _Share = 0.1
     """Clusters with a mean affinity below this are never merged."""
-    min_cells: PositiveInt = 8
+    min_cells: PositiveInt = 18
     """Smaller instances are dropped."""
 
 
@@ -70,18 +71,38 @@ def label_nodes(
     return Instances(labels, features[1:])
 
 
-def full_mask(cells: Bool[np.ndarray, "h w"], height: int, width: int) -> Bool[np.ndarray, "height width"]:
-    """Return a mask at the image's size, its border interpolated between cells; masks of disjoint cells are disjoint.
+def full_mask(
+    cells: Bool[np.ndarray, "h w"], height: int, width: int, *, scale: tuple[float, float] = (1.0, 1.0)
+) -> Bool[np.ndarray, "height width"]:
+    """Return a mask at the image's size, its border interpolated between cells.
+
+    A cell covers `STRIDE * scale` rows and columns of the image. Masks of disjoint cells are disjoint at scale 1, and
+    overlap by single pixels at most elsewhere.
 
     Raises:
         ValueError: there are no cells.
     """
-    rows, columns = np.flatnonzero(cells.any(axis=1)), np.flatnonzero(cells.any(axis=0))
-    top, bottom = max(rows[0] - 1, 0), min(rows[-1] + 2, cells.shape[0])
-    left, right = max(columns[0] - 1, 0), min(columns[-1] + 2, cells.shape[1])
-    window = cells[top:bottom, left:right].astype(np.float32)
-    size = (STRIDE * (right - left), STRIDE * (bottom - top))
-    mask = np.zeros((cells.shape[0] * STRIDE, cells.shape[1] * STRIDE), bool)
-    soft = cv2.resize(window, size, interpolation=cv2.INTER_LINEAR) > 0.5
-    mask[STRIDE * top : STRIDE * bottom, STRIDE * left : STRIDE * right] = soft
-    return mask[:height, :width]
+    (top, bottom), (left, right) = (
+        (max(inside[0] - 1, 0), min(inside[-1] + 2, end))
+        for inside, end in zip((np.flatnonzero(cells.any(axis=k)) for k in (1, 0)), cells.shape, strict=True)
+    )
+    per_row, per_column = (STRIDE * s for s in scale)
+    y, y_end = math.floor(top * per_row), min(math.ceil(bottom * per_row), height)
+    x, x_end = math.floor(left * per_column), min(math.ceil(right * per_column), width)
+    # From pixels of the window to its cells; both have their centres at integers.
+    to_cells = np.array(
+        [
+            [1 / per_column, 0, (x + 0.5) / per_column - 0.5 - left],
+            [0, 1 / per_row, (y + 0.5) / per_row - 0.5 - top],
+        ]
+    )
+    soft = cv2.warpAffine(
+        cells[top:bottom, left:right].astype(np.float32),
+        to_cells,
+        (x_end - x, y_end - y),
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    mask = np.zeros((height, width), bool)
+    mask[y:y_end, x:x_end] = soft > 0.5
+    return mask

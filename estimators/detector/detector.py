@@ -20,7 +20,7 @@ from simpick.estimators.detector.comparison import ComparedInstances
 from simpick.estimators.detector.composition import CompositionModel, judge_instances, read_composition
 from simpick.estimators.detector.naming import PartNaming
 from simpick.estimators.detector.scores import exposure
-from simpick.estimators.detector.segmenter import InstanceSegmenter
+from simpick.estimators.detector.segmenter import WORKING_PX, InstanceSegmenter
 from simpick.estimators.detector.view_naming import ViewNaming
 from simpick.geometry import box_of_mask
 from simpick.records import CameraFrame, Detection
@@ -70,8 +70,8 @@ class LearnedDetector:
 
     @property
     def min_visible_px(self) -> int:
-        """Return the fewest pixels of an instance that are detected."""
-        return self.segmenter.config.min_cells * STRIDE**2
+        """Return the fewest pixels of an instance that are detected, in an image of 640 x 480 px."""
+        return round(self.segmenter.config.min_cells * (STRIDE * 640 / WORKING_PX) ** 2)
 
     def onboard(self, part: Part) -> None:
         """Prepare the part's templates, or take them from the cache; `detect` does it for parts that are new."""

@@ -26,7 +26,7 @@ class SameConv(nn.Conv2d):
         if low != high:
             input, padding = F.pad(input, (low, high, low, high)), 0
         # In bfloat16 the gradients of depthwise filters take the CPU two to five times as long.
-        if input.device.type != "cpu":
+        if input.device.type != "cpu" or not torch.is_grad_enabled():
             return F.conv2d(input, self.weight, self.bias, self.stride, padding, self.dilation, self.groups)
         with torch.autocast("cpu", enabled=False):
             return F.conv2d(input.float(), self.weight, self.bias, self.stride, padding, self.dilation, self.groups)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float32, Int32
+from scipy.ndimage import find_objects
 
 from simpick.estimators.detector.agglomeration import RegionPairs, agglomerate, pair_regions
 from simpick.estimators.detector.superpixels import superpixels
@@ -52,9 +54,20 @@ class MergeTree:
 
     def mask(self, node: int) -> Bool[np.ndarray, "h w"]:
         """Return the cells of a node."""
-        is_member = np.zeros(int(self.regions.max()) + 1, bool)
-        is_member[list(self.nodes[node].regions)] = True
-        return is_member[self.regions]
+        regions = list(self.nodes[node].regions)
+        is_member = np.zeros(len(self._windows) + 1, bool)
+        is_member[regions] = True
+        rows, columns = zip(*(self._windows[k - 1] for k in regions), strict=True)
+        # Most nodes cover a small part of the image.
+        window = tuple(slice(min(x.start for x in side), max(x.stop for x in side)) for side in (rows, columns))
+        mask = np.zeros(self.regions.shape, bool)
+        mask[window] = is_member[self.regions[window]]
+        return mask
+
+    @cached_property
+    def _windows(self) -> list[tuple[slice, slice]]:
+        """Rows and columns of each superpixel, from the first."""
+        return find_objects(self.regions)
 
 
 def merge_tree(

@@ -11,7 +11,7 @@ from scipy.ndimage import distance_transform_edt
 
 from simpick.geometry import window_of_mask
 
-_BAND_PX = 2
+_BAND_PX = 1
 # OpenCV's watershed leaves a line of undecided pixels between regions, which is thinner on an enlarged image.
 _SCALE = 2
 _LEAST_KEPT = 0.2
@@ -20,7 +20,7 @@ _LEAST_KEPT = 0.2
 def sharpen_outlines(
     rgb: UInt8[np.ndarray, "height width 3"], masks: Sequence[Bool[np.ndarray, "height width"]]
 ) -> list[Bool[np.ndarray, "height width"]]:
-    """Return masks, disjoint as the given ones, whose outlines follow the image within a band of 2 px on each side."""
+    """Return masks, disjoint as the given ones, with outlines that follow the image within a pixel on each side."""
     if not masks:
         return []
     band = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * _BAND_PX + 1, 2 * _BAND_PX + 1))

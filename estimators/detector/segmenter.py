@@ -18,8 +18,8 @@ from simpick.estimators.detector.network import InstanceNetwork
 from simpick.estimators.detector.outlines import sharpen_outlines
 from simpick.estimators.detector.scores import MaskScore, is_one_instance
 
-WORKING_PX = 640
-"""Longer side of the image that the network sees. It was trained on bins that fill such images."""
+WORKING_PX = 960
+"""Longer side of the image that the network sees; smaller images are enlarged. It was trained at this scale."""
 _SMALLEST_PX = 32
 # Pieces with fewer cells have no shape that templates could judge.
 _JUDGED_CELLS = 40
@@ -64,33 +64,37 @@ class InstanceSegmenter:
         """
         height, width = checked_size(rgb)
         # An image of one colour shows nothing, and the network was never trained on one.
-        if not np.ptp(rgb.reshape(-1, 3), axis=0).any():
+        if not (rgb != rgb[0, 0]).any():
             return _nothing(height, width)
         scale = WORKING_PX / max(height, width)
-        size = (max(1, round(width * scale)), max(1, round(height * scale)))
-        flags = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
-        image = rgb if size == (width, height) else cv2.resize(rgb, size, interpolation=flags)
+        image = _resized(rgb, scale)
+        # What the network sees enlarged has no more detail than the image itself.
+        shown = rgb if scale > 1 else image
+        rows, columns = shown.shape[:2]
+        cell_scale = (rows / image.shape[0], columns / image.shape[1])
 
-        def fit_size(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "height width"]:
-            if size == (width, height):
+        def shown_mask(cells: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "rows columns"]:
+            return full_mask(cells, rows, columns, scale=cell_scale)
+
+        def fit_size(mask: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray, "height width"]:
+            if mask.shape == (height, width):
                 return mask
             return cv2.resize(mask.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR) > 0.5
-
-        def mask_of(cells: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "height width"]:
-            return fit_size(full_mask(cells, size[1], size[0]))
 
         foreground, affinities = self.maps(image)
         is_part = foreground > self.config.foreground
         if not is_part.any():
             return _nothing(height, width)
         tree = merge_tree(is_part, affinities, certain=self.config.certain, possible=self.config.possible)
-        accept = self._acceptance(tree, mask_of, judge)
+        accept = self._acceptance(tree, lambda cells: fit_size(shown_mask(cells)), judge)
         instances = label_nodes(tree, tree.cut(accept), foreground, self.config.min_cells)
-        masks = [full_mask(instances.labels == k, size[1], size[0]) for k in range(1, len(instances.features) + 1)]
-        masks = [fit_size(mask) for mask in sharpen_outlines(image, masks)]
+        masks = [shown_mask(instances.labels == k) for k in range(1, len(instances.features) + 1)]
+        masks = [fit_size(mask) for mask in sharpen_outlines(shown, masks)]
         scores = self.score(instances.features)
         order = [int(k) for k in np.argsort(-scores, kind="stable") if masks[k].any()]
-        return SegmentedImage([masks[k] for k in order], scores[order], instances.features[order], mask_of(is_part))
+        return SegmentedImage(
+            [masks[k] for k in order], scores[order], instances.features[order], fit_size(shown_mask(is_part))
+        )
 
     def _acceptance(
         self, tree: MergeTree, mask_of: Callable[[np.ndarray], np.ndarray], judge: Judge | None
@@ -133,6 +137,15 @@ class InstanceSegmenter:
         foreground = maps.foreground[0, :rows, :columns].float().sigmoid()
         affinities = maps.affinities[0, :, :rows, :columns].float().sigmoid()
         return foreground.cpu().numpy(), affinities.cpu().numpy()
+
+
+def _resized(rgb: UInt8[np.ndarray, "height width 3"], scale: float) -> UInt8[np.ndarray, "rows columns 3"]:
+    """Return the image at the size that the network sees."""
+    height, width = rgb.shape[:2]
+    size = (max(1, round(width * scale)), max(1, round(height * scale)))
+    if size == (width, height):
+        return rgb
+    return cv2.resize(rgb, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
 
 
 def checked_size(rgb: np.ndarray) -> tuple[int, int]:

@@ -33,8 +33,8 @@ class CropConfig(Config):
 
     size_px: PositiveInt = 256
     """Side of a crop; a multiple of 32."""
-    scale: tuple[PositiveFloat, PositiveFloat] = (0.7, 1.35)
-    """Smallest and largest magnification."""
+    scale: tuple[PositiveFloat, PositiveFloat] = (0.95, 2.0)
+    """Smallest and largest magnification. Bins of 640 px are enlarged 1.5 times when they are segmented."""
     effects: CameraEffects = field(default_factory=CameraEffects)
     """What the camera does to the image."""
 

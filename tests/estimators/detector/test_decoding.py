@@ -127,6 +127,19 @@ def test_full_masks_have_the_image_size_and_do_not_overlap() -> None:
     assert masks[0].sum() == pytest.approx(8 * 16 * 4, rel=0.05)
 
 
+@pytest.mark.parametrize("scale", [(2 / 3, 2 / 3), (0.5, 0.75), (1.0, 1.0), (0.3, 0.3)])
+def test_full_masks_lie_where_their_cells_do_at_any_scale(scale: tuple[float, float]) -> None:
+    """A disc of cells, compared with the same disc drawn in the image's own pixels."""
+    rows, columns = (np.arange(n) + 0.5 for n in (96, 128))
+    cells = np.hypot(rows[:, None] - 40, columns[None] - 90) < 20
+    height, width = round(2 * 96 * scale[0]), round(2 * 128 * scale[1])
+    mask = full_mask(cells, height, width, scale=scale)
+    y, x = ((np.arange(n) + 0.5) / (2 * s) for n, s in zip((height, width), scale, strict=True))
+    disc = np.hypot(y[:, None] - 40, x[None] - 90) < 20
+    assert mask.shape == disc.shape
+    assert (mask & disc).sum() / (mask | disc).sum() > 0.95
+
+
 def test_noise_has_no_more_superpixels_than_the_limit() -> None:
     """Merging takes time with the square of their number."""
     rng = np.random.default_rng(0)
