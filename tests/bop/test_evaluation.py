@@ -248,6 +248,17 @@ def test_failed_estimates_are_misses_with_a_note(root, tmp_path, capsys):
     assert row.split() == ["block", "2", "50.0", "-", "50.0", "50.0"]
 
 
+def test_results_of_unknown_scenes_are_counted_in_a_note(root, tmp_path, capsys):
+    results = _true_results(BopDataset(root))
+    path = tmp_path / "mine_tiny-test.csv"
+    write_results(path, [*results, dataclasses.replace(results[0], scene_id=99)])
+    assert evaluate(dataset=root, vsd=False, results=path).run() == 0
+    text = capsys.readouterr().out
+    assert "note: 1 of 7 estimates are of scenes or images that the split does not have" in text
+    row = next(line for line in text.splitlines() if line.split()[:1] == ["all"])
+    assert row.split() == ["all", "4", "100.0", "-", "100.0", "100.0"]
+
+
 @pytest.mark.parametrize(("kind", "instance"), [("bbox_visib", 0), ("bbox_obj", 0)])
 def test_boxes_of_annotations_stand_for_detections(root, instances, kind, instance):
     dataset = BopDataset(root)
