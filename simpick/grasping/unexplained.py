@@ -52,7 +52,7 @@ class UnexplainedSpace:
     ) -> UnexplainedSpace:
         """Return what these estimates leave unexplained.
 
-        It is no higher than the highest trusted estimate, nor than the bin's rim at `rim_m`.
+        It is no higher than the highest probable estimate, nor than the bin's rim at `rim_m`.
         """
         T_camera_world = invert(T_world_camera)
         points = [transform_points(T, surface_points(part)) for part, T in zip(parts, Ts_world_part, strict=True)]
@@ -66,8 +66,10 @@ class UnexplainedSpace:
                 pixels &= ~outlines[k]
         narrow = np.ones((_NOISE_PX, _NOISE_PX), np.uint8)
         pixels = cv2.morphologyEx(pixels.astype(np.uint8), cv2.MORPH_OPEN, narrow).astype(bool)
-        trusted = frozenset(k for k, score in enumerate(scores) if score >= TRUSTED_SCORE)
-        highest_m = max((float(points[k][:, 2].max()) for k in trusted), default=rim_m)
+        probable = frozenset(k for k, score in enumerate(scores) if score >= TRUSTED_SCORE)
+        highest_m = max((float(points[k][:, 2].max()) for k in probable), default=rim_m)
+        # Where all are improbable, one of them is still the best guess.
+        trusted = probable or frozenset(range(len(parts)))
         return UnexplainedSpace(camera, T_world_camera, pixels, outlines, trusted, min(highest_m, rim_m))
 
     def around(self, target: int) -> Float[np.ndarray, "n 3"]:

@@ -122,9 +122,17 @@ def test_pixels_of_nothing_change_nothing(planner: GraspPlanner) -> None:
 def test_an_estimate_is_trusted_from_0_1_on_and_explains_from_0_3_on(
     score: float, is_trusted: bool, explains: bool
 ) -> None:
-    left = space(seen(lying()), lying(), scores=[score])
-    assert left.trusted == (frozenset({0}) if is_trusted else frozenset())
+    poses = [lying(), lying(y_m=0.1)]
+    left = space(seen(*poses), *poses, scores=[0.9, score])
+    assert left.trusted == (frozenset({0, 1}) if is_trusted else frozenset({0}))
     assert left.pixels.any() != explains
+
+
+def test_where_all_estimates_are_improbable_they_are_trusted_but_explain_nothing() -> None:
+    poses = [lying(), lying(y_m=0.1)]
+    left = space(seen(*poses), *poses, scores=[0.05, 0.01])
+    assert left.trusted == frozenset({0, 1})
+    assert left.pixels.any()
 
 
 @pytest.mark.parametrize(("width_px", "is_left"), [(4, False), (5, True)])
