@@ -25,7 +25,7 @@ from simpick.envs.servo_spaces import (
 from simpick.errors import ConfigError, SimulationFaultError
 from simpick.motion import Kinematics, MotionConfig, TwistServo
 from simpick.motion.monitor import Monitor
-from simpick.rendering.renderer import RenderQuality
+from simpick.rendering.quality import RenderQuality
 from simpick.rendering.scene_renderer import SceneRenderer
 from simpick.scene import SceneConfig
 from simpick.scene.robot import ARM_PREFIX

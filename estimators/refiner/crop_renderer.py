@@ -15,7 +15,6 @@ from simpick.geometry import VirtualCameras
 from simpick.rendering import RenderQuality
 from simpick.rendering.luminance import LUMINANCE
 from simpick.rendering.part_renderers import PartRenderers
-from simpick.rendering.part_views import PartRenderer
 
 _SHARP = RenderQuality(shadow_map_px=0, samples=0)
 _DARKEST = 5.0
@@ -43,7 +42,7 @@ class CropRenderer(Closing):
             renderer = self._renderers.get(part, self._largest_px, self._largest_px)
             pinholes = [cameras.pinhole(k) for k in rows.tolist()]
             # Rays, where OpenGL does not work, give no colours: such parts are taken for parts of one colour.
-            coloured = part.face_rgb is not None and isinstance(renderer, PartRenderer)
+            coloured = part.face_rgb is not None and renderer.gives_colours
             views = renderer.render(Ts_crop_part[rows], pinholes, rgb=coloured)
             depth_m[rows] = views.depth_m
             if views.rgb is not None:

@@ -70,6 +70,10 @@ def check_packages() -> Finding:
 
 def check_gl() -> Finding:
     """Render one frame and check that it shows the scene."""
+    from simpick.rendering.mujoco_presence import installed_mujoco
+
+    if installed_mujoco() is None:
+        return Finding("gl", False, "no MuJoCo", "pip install mujoco")
     import mujoco
     import numpy as np
 

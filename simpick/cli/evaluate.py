@@ -174,7 +174,12 @@ class Evaluate(Config):
         from simpick.estimators.detections import find_detector, is_file
         from simpick.pose_eval.bop_evaluation import known_detections
 
-        if not has_truth and (self.results is not None or self.results_out is None):
+        if not has_truth and self.results is not None:
+            raise ConfigError(
+                f"{dataset.name} has no true poses (scene_gt.json) to score {self.results} with; choose a split "
+                "that has them (--split), or submit the file where they are kept: for BOP's data sets, bop.felk.cvut.cz"
+            )
+        if not has_truth and self.results_out is None:
             raise ConfigError(
                 f"{dataset.name} has no true poses (scene_gt.json) to score with; write estimates with --results-out "
                 "METHOD_DATASET-SPLIT.csv"

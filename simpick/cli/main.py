@@ -105,6 +105,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except SimpickError as error:
         print(f"simpick: {error}", file=sys.stderr)
         return 2
+    except ModuleNotFoundError as error:
+        if error.name != "mujoco":
+            raise
+        text = f"this command needs MuJoCo, which cannot be imported here ({error}): pip install mujoco"
+        print(f"simpick: {text}", file=sys.stderr)
+        return 2
     except KeyboardInterrupt:
         print("simpick: interrupted; finished work is kept, run the same command again to resume", file=sys.stderr)
         return 130

@@ -160,7 +160,7 @@ class PartsOnboard(Config):
     """Save a part with its templates, for use without OpenGL.
 
     ``simpick estimate --part FILE`` and ``simpick.estimate`` take the file; depth is computed by Embree there (pip
-    install embreex). Both machines need the same versions of simpick, MuJoCo and torch.
+    install embreex). Both machines need the same versions of simpick and torch, and of MuJoCo where both have it.
     """
 
     part: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="PART")]

@@ -1,4 +1,4 @@
-"""A part's onboarding in one file, for machines without OpenGL.
+"""A part's onboarding in one file, for machines without OpenGL and without MuJoCo.
 
 The file holds the part (mesh, symmetries, material, CAD frame) and what estimators and detectors made of it (templates,
 descriptors): the files of the cache that onboarding reads. Loading puts those into the cache of the new machine, where
@@ -15,7 +15,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 import torch
 import trimesh
@@ -28,6 +27,8 @@ from simpick.estimators.base import Detector, OnboardingDetector, PoseEstimator
 from simpick.estimators.boundary import onboard_part
 from simpick.geometry import ContinuousSymmetry, SymmetryGroup
 from simpick.json_text import load_json
+from simpick.rendering.mujoco_presence import installed_mujoco
+from simpick.rendering.templates import note_rendering_version, rendering_version
 
 SUFFIX = ".simpick"
 """Of onboarding files."""
@@ -40,6 +41,7 @@ def save_onboarding(path: Path, part: Part, plugins: Sequence[PoseEstimator | De
 
     Raises:
         ConfigError: the file's name does not end in .simpick.
+        RenderingUnavailableError: templates have to be rendered, and MuJoCo or OpenGL is missing.
         OutputError: the file cannot be written.
     """
     if path.suffix != SUFFIX:
@@ -51,7 +53,7 @@ def save_onboarding(path: Path, part: Part, plugins: Sequence[PoseEstimator | De
                 onboard_part(plugin, part)
     root = cache_dir()
     cached = {f.relative_to(root).as_posix(): np.frombuffer(f.read_bytes(), np.uint8) for f in dict.fromkeys(used)}
-    meta = {"format": _FORMAT, "versions": _versions(), "hash": part.content_hash}
+    meta = {"format": _FORMAT, "versions": _versions(rendering_version(part)), "hash": part.content_hash}
     arrays = {"meta": _text(meta), **_arrays_of(part), **{_CACHED + name: data for name, data in cached.items()}}
     write_arrays(path, arrays)
     return part
@@ -62,7 +64,7 @@ def load_onboarding(path: Path) -> Part:
 
     Raises:
         ArrayFileError: the file is missing, damaged, or no onboarding file.
-        ConfigError: it was made with other versions of simpick, MuJoCo or torch.
+        ConfigError: it was made with other versions of simpick, torch or, where it is installed, MuJoCo.
         OutputError: the cache cannot be written.
     """
     try:
@@ -74,9 +76,9 @@ def load_onboarding(path: Path) -> Part:
     meta = _object(arrays, "meta")
     if meta.get("format") != _FORMAT:
         raise ArrayFileError(f"{path} must be an onboarding file ({_FORMAT}); make it with: simpick parts onboard")
-    here, there = _versions(), meta.get("versions")
+    here, there = _versions(installed_mujoco()), meta.get("versions")
     there = there if isinstance(there, dict) else {}
-    if differing := [name for name in here if here[name] != there.get(name)]:
+    if differing := [name for name in here if here[name] not in (None, there.get(name))]:
         texts = ", ".join(f"{name} {there.get(name)} instead of {here[name]}" for name in differing)
         raise ConfigError(f"{path} was made with {texts}; install the same versions here, or make the file again")
     try:
@@ -91,6 +93,8 @@ def load_onboarding(path: Path) -> Part:
         is_inside = ".." not in target.parts and target.is_relative_to(cache_dir())
         if name.startswith(_CACHED) and is_inside and not target.exists():
             atomic_write_bytes(target, content.tobytes())
+    if here["mujoco"] is None:
+        note_rendering_version(part, str(there.get("mujoco")))
     return part
 
 
@@ -160,8 +164,8 @@ def _part_from(arrays: dict[str, np.ndarray]) -> Part:
     )
 
 
-def _versions() -> dict[str, str]:
-    return {"simpick": version("simpick"), "mujoco": mujoco.__version__, "torch": torch.__version__}
+def _versions(mujoco: str | None) -> dict[str, str | None]:
+    return {"simpick": version("simpick"), "mujoco": mujoco, "torch": torch.__version__}
 
 
 def _object(arrays: dict[str, np.ndarray], name: str) -> dict[str, Any]:

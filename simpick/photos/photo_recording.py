@@ -12,8 +12,8 @@ from rerun.blueprint.components import PanelState
 from simpick.assets.part import Part
 from simpick.closing import Closing
 from simpick.photos.outputs import ImageAnswer
-from simpick.recording.mujoco_logger import pinhole_archetype
 from simpick.recording.perception_layers import LayerPaths, PerceptionLayers
+from simpick.recording.pinhole_archetype import pinhole_archetype
 from simpick.recording.recording_file import RecordingFile
 
 _ROOT, _CAMERA = "/world", "/world/camera"

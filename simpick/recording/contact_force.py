@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from simpick.recording.entity_names import object_name
+from simpick.recording.object_names import object_name
 
 
 class ContactForce:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mujoco
 import rerun as rr
 
 
@@ -23,8 +22,3 @@ class EntityNames:
             path += "_"
         self._taken.add(path)
         return path
-
-
-def object_name(model: mujoco.MjModel, kind: mujoco.mjtObj, index: int) -> str:
-    """Return an object's name, or kind and index (``geom_7``) for one without."""
-    return mujoco.mj_id2name(model, kind, index) or f"{kind.name.removeprefix('mjOBJ_').lower()}_{index}"

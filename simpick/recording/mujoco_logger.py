@@ -12,15 +12,16 @@ from jaxtyping import Bool, Float
 from simpick.geometry.pinhole import Pinhole, opencv_from_mujoco_camera
 from simpick.geometry.transforms import quaternion_from_matrix, transform
 from simpick.recording.column_buffer import ColumnBuffer, Instant
-from simpick.recording.entity_names import EntityNames, object_name
+from simpick.recording.entity_names import EntityNames
 from simpick.recording.geom_meshes import GeomMesh, geom_mesh
+from simpick.recording.object_names import object_name
+from simpick.recording.pinhole_archetype import pinhole_archetype
 
 DEFAULT_GROUPS = (0, 1, 2)
 """Geom groups that MuJoCo's own viewer shows at start; collision geoms are in group 3 by convention."""
 _MOVED_M = 2e-5
 _MOVED_QUATERNION = 5e-5
 """Least change of a quaternion's component that counts as motion: about 0.006 degrees."""
-_FRUSTUM_M = 0.12
 
 
 class MujocoLogger:
@@ -168,16 +169,6 @@ def camera_pinhole(model: mujoco.MjModel, camera: int, fallback_px: tuple[int, i
     if width <= 1 or height <= 1:
         width, height = fallback_px
     return Pinhole.from_fovy(width, height, float(model.cam_fovy[camera]))
-
-
-def pinhole_archetype(camera: Pinhole) -> rr.Pinhole:
-    """Return a camera as rerun draws it: OpenCV axes, a small frustum."""
-    return rr.Pinhole(
-        image_from_camera=camera.K,
-        resolution=[camera.width, camera.height],
-        camera_xyz=rr.ViewCoordinates.RDF,
-        image_plane_distance=_FRUSTUM_M,
-    )
 
 
 def _mobile_bodies(model: mujoco.MjModel) -> Bool[np.ndarray, "bodies"]:

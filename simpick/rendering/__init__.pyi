@@ -1,11 +1,11 @@
 from .gl import refuse_unknown_backend as refuse_unknown_backend
 from .gl import select_gl_backend as select_gl_backend
+from .part_depth import PartViews as PartViews
 from .part_views import PartRenderer as PartRenderer
-from .part_views import PartViews as PartViews
 from .part_views import render_part_views as render_part_views
+from .quality import RenderQuality as RenderQuality
 from .renderer import Renderer as Renderer
 from .renderer import Rendering as Rendering
-from .renderer import RenderQuality as RenderQuality
 from .renderer import Viewpoint as Viewpoint
 from .scene_renderer import SceneRenderer as SceneRenderer
 from .template_sheet import template_sheet as template_sheet

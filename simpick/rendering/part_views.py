@@ -3,41 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from jaxtyping import Bool, Float, Float32, UInt8
+from jaxtyping import Float
 
 from simpick.assets.mjcf import add_face_colours, add_part
 from simpick.assets.part import Part
 from simpick.closing import Closing
 from simpick.errors import ConfigError
 from simpick.geometry import Pinhole, invert
-from simpick.rendering.renderer import Renderer, RenderQuality, Viewpoint
-
-PART_QUALITY = RenderQuality(shadow_map_px=0, samples=4)
-"""No shadows; smooth edges, which gradients at 64 px need."""
+from simpick.rendering.part_depth import PartViews
+from simpick.rendering.quality import PART_QUALITY, RenderQuality
+from simpick.rendering.renderer import Renderer, Viewpoint
 
 _EXPOSED_PERCENTILE = 95
 _AMBIENT, _DIFFUSE, _EXPOSURE = 0.25, 0.75, 0.85
 # Wide, because the reversed z-buffer loses no precision by it.
 _NEAR_M, _FAR_M = 0.01, 100.0
-
-
-@dataclass(frozen=True, eq=False)
-class PartViews:
-    """A batch of images of one part."""
-
-    rgb: UInt8[np.ndarray, "n height width 3"] | None
-    """Black where the part is not; None if not asked for."""
-    depth_m: Float32[np.ndarray, "n height width"]
-    """Distance along the optical axis in metres; 0 where the part is not."""
-
-    @property
-    def masks(self) -> Bool[np.ndarray, "n height width"]:
-        """Return the part's silhouettes: pixels whose centre it covers."""
-        return self.depth_m > 0
 
 
 class PartRenderer(Closing):
@@ -48,6 +31,8 @@ class PartRenderer(Closing):
     nothing else. Colours keep the part's hue, at the exposure at which its brightest channel is nearly full, so that
     the shape of a black part shows as well as that of a white one. Parts with `Part.face_rgb` show those colours.
     """
+
+    gives_colours = True
 
     def __init__(
         self, part: Part, height: int, width: int, *, quality: RenderQuality = PART_QUALITY, shaded: bool = True

@@ -9,7 +9,7 @@ from simpick.assets.part import Part
 from simpick.closing import Closing
 from simpick.geometry import Pinhole
 from simpick.rendering.part_renderers import PartRenderers
-from simpick.rendering.renderer import RenderQuality
+from simpick.rendering.quality import RenderQuality
 
 _MAX_RENDERERS = 32
 """OpenGL contexts kept open at once. Making one takes longer than rendering dozens of images, so mixed bins need one

@@ -14,20 +14,22 @@ from simpick.closing import Closing
 from simpick.errors import ConfigError, RenderingUnavailableError
 from simpick.geometry import Pinhole, invert
 from simpick.rendering.gl import select_gl_backend
-from simpick.rendering.part_views import PartViews
+from simpick.rendering.mujoco_presence import required_mujoco
+from simpick.rendering.part_depth import PartViews
 
 _INSTALL = "or install Embree, which needs no OpenGL to compute depth: pip install embreex"
 
 
 @cache
 def depth_needs_rays() -> bool:
-    """Return whether depth is to be computed by ray casting: OpenGL does not work here, and Embree is installed.
+    """Return whether depth is to be computed by ray casting: OpenGL or MuJoCo is missing here, and Embree installed.
 
     Raises:
         RenderingUnavailableError: neither is there.
     """
     try:
         select_gl_backend()
+        required_mujoco("rendering by OpenGL")
     except RenderingUnavailableError as error:
         if find_spec("embreex") is None:
             raise RenderingUnavailableError(f"{error} {_INSTALL}") from error
@@ -37,6 +39,8 @@ def depth_needs_rays() -> bool:
 
 class RayDepthRenderer(Closing):
     """Computes depth at pixel centres, as `PartRenderer` does, but no colours."""
+
+    gives_colours = False
 
     def __init__(self, part: Part) -> None:
         from embreex.mesh_construction import TriangleMesh

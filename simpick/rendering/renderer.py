@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Any
 
 import mujoco
 import numpy as np
-from annotated_types import Interval
 from jaxtyping import Float, Float32, Int32, UInt8
 
 from simpick.closing import Closing
@@ -21,6 +20,7 @@ from simpick.config import Config, PositiveFloat
 from simpick.errors import ConfigError, RenderingUnavailableError, UnknownNameError
 from simpick.geometry import Pinhole
 from simpick.rendering.gl import make_gl_context
+from simpick.rendering.quality import SCENE_QUALITY, RenderQuality
 
 _SHADOW = int(mujoco.mjtRndFlag.mjRND_SHADOW)
 _REFLECTION = int(mujoco.mjtRndFlag.mjRND_REFLECTION)
@@ -34,20 +34,6 @@ _CATEGORIES = int(mujoco.mjtCatBit.mjCAT_STATIC) | int(mujoco.mjtCatBit.mjCAT_DY
 _FIRST_HIDDEN_GROUP = 3
 MAX_SIDE_PX = 8192
 """Images may not be wider or higher."""
-
-
-@dataclass(frozen=True)
-class RenderQuality(Config):
-    """What a colour image costs. Depth and ids are not touched by it."""
-
-    shadow_map_px: Annotated[int, Interval(ge=0, le=16384)] = 1024
-    """Side of the shadow map; 0 renders without shadows."""
-    samples: Annotated[int, Interval(ge=0, le=16)] = 2
-    """Anti-aliasing samples a pixel; 0 or 1 means none. Drivers may round up."""
-
-
-SCENE_QUALITY = RenderQuality()
-"""With shadows, at a cost that a software renderer can bear."""
 
 
 @dataclass(frozen=True, eq=False)

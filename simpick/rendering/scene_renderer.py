@@ -12,7 +12,8 @@ from simpick.closing import Closing
 from simpick.errors import RenderingUnavailableError
 from simpick.geometry import Pinhole
 from simpick.records import CameraFrame
-from simpick.rendering.renderer import SCENE_QUALITY, Renderer, RenderQuality, Viewpoint
+from simpick.rendering.quality import SCENE_QUALITY, RenderQuality
+from simpick.rendering.renderer import Renderer, Viewpoint
 
 
 @runtime_checkable

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Annotated
 
 import cv2
-import mujoco
 import numpy as np
 from annotated_types import Interval
 from jaxtyping import Bool, Float, Float32, Int, UInt8, UInt16
@@ -19,12 +18,16 @@ from simpick.caching import cache_dir, cache_key, cache_name, cached_arrays
 from simpick.config import Config
 from simpick.errors import ConfigError
 from simpick.geometry import Pinhole
-from simpick.rendering.part_views import PART_QUALITY, PartRenderer
+from simpick.rendering.mujoco_presence import required_mujoco
+from simpick.rendering.quality import PART_QUALITY
 from simpick.rendering.view_sphere import VIEW_COUNTS, look_at_part, turn_in_plane, view_directions
 
 # Raise when the same configuration would give other images.
 _VERSION = 2
 _DEPTH_STEPS = 65534
+
+_noted_versions: dict[str, str] = {}
+"""MuJoCo's version that rendered the templates of a part, by the part's hash: see `note_rendering_version`."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +127,15 @@ def load_templates(
 def render_templates(
     part: Part, config: TemplateConfig | None = None, *, progress: Callable[[int, int], None] | None = None
 ) -> TemplateSet:
-    """Return newly rendered templates and leave the cache alone."""
+    """Return newly rendered templates and leave the cache alone.
+
+    Raises:
+        RenderingUnavailableError: MuJoCo or OpenGL is missing.
+    """
+    _required_mujoco(part)
+    # Only here, because templates from the cache need no MuJoCo.
+    from simpick.rendering.part_views import PartRenderer
+
     config = config or TemplateConfig()
     camera = config.camera(part)
     Ts_camera_part = look_at_part(view_directions(config.views), config.distance_m(part))
@@ -138,8 +149,28 @@ def render_templates(
 
 def template_path(part: Part, config: TemplateConfig) -> Path:
     """Return where the templates of a part are kept."""
-    key = cache_key(_VERSION, part.content_hash, repr(config), repr(PART_QUALITY), mujoco.__version__)
+    key = cache_key(_VERSION, part.content_hash, repr(config), repr(PART_QUALITY), rendering_version(part))
     return cache_dir() / "templates" / cache_name(part.name, key, ".zip")
+
+
+def rendering_version(part: Part) -> str:
+    """Return the version of MuJoCo that templates of a part are of: the one that was noted, else the installed one.
+
+    Raises:
+        RenderingUnavailableError: no version was noted, and MuJoCo cannot be imported.
+    """
+    return _noted_versions.get(part.content_hash) or _required_mujoco(part)
+
+
+def note_rendering_version(part: Part, version: str) -> None:
+    """Note the version of MuJoCo that rendered the templates of a part elsewhere, where none is installed."""
+    _noted_versions[part.content_hash] = version
+
+
+def _required_mujoco(part: Part) -> str:
+    elsewhere = "simpick parts onboard PART --mode MODE --out FILE.simpick"
+    otherwise = f". Or onboard the part for this mode on another machine: {elsewhere}"
+    return required_mujoco(f"rendering templates of {part.name}", otherwise)
 
 
 def steps_from_depth(

@@ -1,4 +1,4 @@
-"""A part's onboarding in one file: the same part and the same poses on a machine without OpenGL."""
+"""A part's onboarding in one file: the same part and the same poses on a machine without OpenGL or MuJoCo."""
 
 import json
 import os
@@ -28,6 +28,21 @@ K = np.array([[240.0, 0, 80], [0, 240, 60], [0, 0, 1]])
 (answer,) = simpick.estimate(data["rgb"], K, sys.argv[2], mode="retrieval_refined", detections=found)
 np.save(sys.argv[3], answer.T_camera_part)
 """
+WITHOUT_MUJOCO = """
+import sys
+sys.modules.update(dict.fromkeys(["mujoco", "mujoco.egl", "OpenGL", "glfw"]))
+"""
+COMMAND = """
+import cv2
+from pathlib import Path
+from simpick.cli.main import main
+folder = Path(sys.argv[3]).parent
+cv2.imwrite(str(folder / "photo.png"), data["rgb"])
+given = ["--camera", "240", "240", "80", "60", "--part", sys.argv[2], "--mode", "retrieval_refined"]
+boxes = ["--boxes", "20", "5", "140", "118"]
+assert main(["estimate", str(folder / "photo.png"), *given, *boxes, "--out", str(folder / "out")]) == 0
+"""
+SEEN = transform(so3_exp(np.array([0.5, 0.7, 0.2])), np.array([0.0, 0.01, 0.25]))
 
 
 @pytest.fixture(scope="module")
@@ -45,24 +60,65 @@ def test_the_part_comes_back_as_it_was(file: Path) -> None:
     np.testing.assert_allclose(loaded.symmetries.transforms(8), part.symmetries.transforms(8), atol=1e-12)
 
 
-def test_poses_are_the_same_without_opengl(file: Path, tmp_path: Path) -> None:
-    pytest.importorskip("embreex", reason="has no wheels for Linux on ARM")
-    T = transform(so3_exp(np.array([0.5, 0.7, 0.2])), np.array([0.0, 0.01, 0.25]))
+@pytest.fixture(scope="module")
+def image(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a file of the part's image and mask in the pose `SEEN`."""
+    path = tmp_path_factory.mktemp("image") / "image.npz"
     with PartRenderer(get_part("pipe_tee"), 120, 160) as renderer:
-        views = renderer.render(T[None], CAMERA)
+        views = renderer.render(SEEN[None], CAMERA)
     assert views.rgb is not None
-    np.savez(tmp_path / "image.npz", rgb=views.rgb[0], mask=views.masks[0])
-    arguments = [sys.executable, "-c", ELSEWHERE, str(tmp_path / "image.npz"), str(file)]
-    poses = []
-    for gl in ("", "off"):
-        cache = tmp_path / f"cache{gl}"
-        environment = {**os.environ, "SIMPICK_CACHE": str(cache)} | ({"MUJOCO_GL": gl} if gl else {})
-        subprocess.run([*arguments, str(tmp_path / f"pose{gl}.npy")], env=environment, check=True)
-        poses.append(np.load(tmp_path / f"pose{gl}.npy"))
+    np.savez(path, rgb=views.rgb[0], mask=views.masks[0])
+    return path
+
+
+def estimated(code: str, image: Path, file: Path, folder: Path, **environment: str) -> np.ndarray:
+    """Return the pose that a new process with an empty cache estimates."""
+    arguments = [sys.executable, "-c", code, str(image), str(file), str(folder / "pose.npy")]
+    environment = {**os.environ, "SIMPICK_CACHE": str(folder / "cache"), **environment}
+    subprocess.run(arguments, env=environment, cwd=Path(__file__).parents[2], check=True)
+    return np.load(folder / "pose.npy")
+
+
+@pytest.fixture(scope="module")
+def by_rays(file: Path, image: Path, tmp_path_factory: pytest.TempPathFactory) -> np.ndarray:
+    pytest.importorskip("embreex", reason="has no wheels for Linux on ARM")
+    return estimated(ELSEWHERE, image, file, tmp_path_factory.mktemp("rays"), MUJOCO_GL="off")
+
+
+def test_poses_are_the_same_without_opengl(file: Path, image: Path, by_rays: np.ndarray, tmp_path: Path) -> None:
     # Rays and OpenGL disagree about single pixels at the part's outline.
-    np.testing.assert_allclose(poses[0], poses[1], atol=0.01)
+    np.testing.assert_allclose(estimated(ELSEWHERE, image, file, tmp_path), by_rays, atol=0.01)
     diameter_m = get_part("pipe_tee").diameter_m
-    assert np.linalg.norm(poses[1][:3, 3] - T[:3, 3]) < 0.05 * diameter_m
+    assert np.linalg.norm(by_rays[:3, 3] - SEEN[:3, 3]) < 0.05 * diameter_m
+
+
+def test_neither_function_nor_command_needs_mujoco(
+    file: Path, image: Path, by_rays: np.ndarray, tmp_path: Path
+) -> None:
+    pose = estimated(WITHOUT_MUJOCO + ELSEWHERE + COMMAND, image, file, tmp_path)
+    np.testing.assert_array_equal(pose, by_rays)
+    (answer,) = json.loads((tmp_path / "out" / "poses.json").read_text())["images"]
+    assert [found["part"] for found in answer["estimates"]] == ["pipe_tee"]
+    assert (tmp_path / "out" / "poses.rrd").stat().st_size > 1000
+
+
+def test_what_needs_mujoco_says_so_where_it_is_missing(tmp_path: Path) -> None:
+    code = WITHOUT_MUJOCO + (
+        "from simpick.assets import get_part\n"
+        "from simpick.cli.main import main\n"
+        "from simpick.errors import RenderingUnavailableError\n"
+        "from simpick.rendering import load_templates\n"
+        "assert main(['run', '--parts', 'hex_bolt', '--out', sys.argv[1]]) == 2\n"
+        "try:\n    load_templates(get_part('hex_bolt'))\n"
+        "except RenderingUnavailableError as error: print(error)\n"
+    )
+    arguments = [sys.executable, "-c", code, str(tmp_path / "run")]
+    environment = {**os.environ, "SIMPICK_CACHE": str(tmp_path / "cache")}
+    done = subprocess.run(arguments, env=environment, capture_output=True, text=True, check=True)
+    assert "simpick: this command needs MuJoCo, which cannot be imported here" in done.stderr
+    assert "pip install mujoco" in done.stderr
+    assert done.stdout.splitlines()[-1].startswith("rendering templates of hex_bolt needs MuJoCo, which cannot be")
+    assert "pip install mujoco. Or onboard the part for this mode on another machine" in done.stdout
 
 
 def test_files_that_do_not_fit_are_refused(file: Path, tmp_path: Path) -> None:
