@@ -53,8 +53,8 @@ def number_of(opening_m: float) -> int:
 
 
 def sheet(z_m: float, share: float = 1.0) -> np.ndarray:
-    """Return points of a level square of 40 mm, of which only a share of the length is there."""
-    x, y = np.meshgrid(np.arange(0.0, 0.04 * share, 0.002), np.arange(0.0, 0.04, 0.002))
+    """Return 400 points of a level square of 40 mm, of which only a share of the length is there."""
+    x, y = np.meshgrid(np.arange(0.0, 0.04, 0.002) * share, np.arange(0.0, 0.04, 0.002))
     return np.stack([x.ravel(), y.ravel(), np.full(x.size, z_m)], axis=1)
 
 
