@@ -11,22 +11,21 @@ from scipy.ndimage import distance_transform_edt
 
 from simpick.geometry import window_of_mask
 
-_BAND_PX = 1
 # OpenCV's watershed leaves a line of undecided pixels between regions, which is thinner on an enlarged image.
 _SCALE = 2
 _LEAST_KEPT = 0.2
 
 
 def sharpen_outlines(
-    rgb: UInt8[np.ndarray, "height width 3"], masks: Sequence[Bool[np.ndarray, "height width"]]
+    rgb: UInt8[np.ndarray, "height width 3"], masks: Sequence[Bool[np.ndarray, "height width"]], *, band_px: int = 2
 ) -> list[Bool[np.ndarray, "height width"]]:
-    """Return masks, disjoint as the given ones, with outlines that follow the image within a pixel on each side."""
+    """Return masks, disjoint as the given ones, with outlines that follow the image within `band_px` on each side."""
     if not masks:
         return []
-    band = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * _BAND_PX + 1, 2 * _BAND_PX + 1))
+    band = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * band_px + 1, 2 * band_px + 1))
     markers = np.zeros(rgb.shape[:2], np.int32)
     for k, mask in enumerate(masks, 1):
-        window = window_of_mask(mask, _BAND_PX)
+        window = window_of_mask(mask, band_px)
         whole = mask[window]
         inner = cv2.erode(whole.astype(np.uint8), band) > 0
         # What is thin keeps all of itself, as far as its neighbours leave it.

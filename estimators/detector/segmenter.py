@@ -21,6 +21,8 @@ from simpick.estimators.detector.scores import MaskScore, is_one_instance
 WORKING_PX = 960
 """Longer side of the image that the network sees; smaller images are enlarged. It was trained at this scale."""
 _SMALLEST_PX = 32
+# The network's cells of an enlarged image are finer than two of its pixels.
+_BAND_PX = 1
 # Pieces with fewer cells have no shape that templates could judge.
 _JUDGED_CELLS = 40
 
@@ -89,7 +91,7 @@ class InstanceSegmenter:
         accept = self._acceptance(tree, lambda cells: fit_size(shown_mask(cells)), judge)
         instances = label_nodes(tree, tree.cut(accept), foreground, self.config.min_cells)
         masks = [shown_mask(instances.labels == k) for k in range(1, len(instances.features) + 1)]
-        masks = [fit_size(mask) for mask in sharpen_outlines(shown, masks)]
+        masks = [fit_size(mask) for mask in sharpen_outlines(shown, masks, band_px=_BAND_PX)]
         scores = self.score(instances.features)
         order = [int(k) for k in np.argsort(-scores, kind="stable") if masks[k].any()]
         return SegmentedImage(
