@@ -188,8 +188,9 @@ class GraspPlanner:
             near = (obstacles.distances_m(best.origin_m) < _NEAR_M) & (owners != best.index)
             doubtful = np.zeros((0, 3)) if unexplained is None else unexplained.around(best.index)
             doubtful = doubtful[np.linalg.norm(doubtful - best.origin_m, axis=-1) < _NEAR_M]
+            blocked = rejected[Rejection.PARTS]
             grasps = self._grasps_of(best, obstacles.where(near), doubtful, rejected)
-            if not grasps and trusted < everything:
+            if not grasps and rejected[Rejection.PARTS] > blocked and trusted < everything:
                 # What is improbable keeps away, but does not rule out.
                 solid = obstacles.where(near & np.isin(owners, list(trusted)))
                 possible = self._grasps_of(best, solid, doubtful, Counter())
