@@ -76,11 +76,10 @@ def full_mask(
 ) -> Bool[np.ndarray, "height width"]:
     """Return a mask at the image's size, its border interpolated between cells.
 
-    A cell covers `STRIDE * scale` rows and columns of the image. Masks of disjoint cells are disjoint at scale 1, and
-    overlap by single pixels at most elsewhere.
+    A cell covers `STRIDE * scale` rows and columns of the image. Masks of disjoint cells are disjoint.
 
     Raises:
-        ValueError: there are no cells.
+        IndexError: there are no cells.
     """
     (top, bottom), (left, right) = (
         (max(inside[0] - 1, 0), min(inside[-1] + 2, end))

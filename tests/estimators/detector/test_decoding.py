@@ -138,6 +138,7 @@ def test_full_masks_lie_where_their_cells_do_at_any_scale(scale: tuple[float, fl
     disc = np.hypot(y[:, None] - 40, x[None] - 90) < 20
     assert mask.shape == disc.shape
     assert (mask & disc).sum() / (mask | disc).sum() > 0.95
+    assert not (mask & full_mask(~cells, height, width, scale=scale)).any()
 
 
 def test_noise_has_no_more_superpixels_than_the_limit() -> None:
