@@ -18,7 +18,7 @@ from simpick.estimators.weight_files import check_weights, read_weights, shipped
 from simpick.json_text import load_json
 
 FORMAT = "simpick-detector"
-VERSION = "3"
+VERSION = "4"
 """Raised when the same weights would mean something else."""
 SHIPPED_WEIGHTS = "detector.safetensors"
 

@@ -14,6 +14,8 @@ from simpick.estimators.detector.encoder_stages import OUTPUT_CHANNELS
 
 PYRAMID_CHANNELS = 64
 FINE_CHANNELS = 32
+PYRAMID_BLOCKS = (1, 3, 3)
+"""Residual blocks at strides 4, 8 and 16; at the coarser ones they cost little, and see far."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +56,10 @@ class InstanceNetwork(nn.Module):
         self.encoder = EfficientNetLite0()
         channels = PYRAMID_CHANNELS
         self.lateral = nn.ModuleList(nn.Conv2d(c, channels, 1) for c in OUTPUT_CHANNELS[1:])
-        # One for each of the strides 16, 8 and 4.
-        self.smooth = nn.ModuleList(nn.Sequential(_conv(channels, channels), ResidualBlock(channels)) for _ in range(3))
+        self.smooth = nn.ModuleList(
+            nn.Sequential(_conv(channels, channels), *(ResidualBlock(channels) for _ in range(blocks)))
+            for blocks in PYRAMID_BLOCKS
+        )
         self.context = nn.Sequential(_conv(channels, channels), ResidualBlock(channels))
         self.to_fine = nn.Conv2d(channels, 4 * FINE_CHANNELS, 1)
         self.fine_lateral = nn.Conv2d(OUTPUT_CHANNELS[0], FINE_CHANNELS, 1)
