@@ -22,12 +22,15 @@ class SameConv(nn.Conv2d):
         """Return the convolution, whose size is that of the input divided by the stride."""
         total = self.kernel_size[0] - self.stride[0]
         low, high = total // 2, total - total // 2
-        padding = low
-        if low != high:
+        weight, padding = self.weight, low
+        if low != high and torch.is_grad_enabled():
             input, padding = F.pad(input, (low, high, low, high)), 0
+        elif low != high:
+            # A row and a column of zeros before the filter give the same sums without a copy of the input.
+            weight, padding = F.pad(weight, (1, 0, 1, 0)), high
         # In bfloat16 the gradients of depthwise filters take the CPU two to five times as long.
         if input.device.type != "cpu" or not torch.is_grad_enabled():
-            return F.conv2d(input, self.weight, self.bias, self.stride, padding, self.dilation, self.groups)
+            return F.conv2d(input, weight, self.bias, self.stride, padding, self.dilation, self.groups)
         with torch.autocast("cpu", enabled=False):
             return F.conv2d(input.float(), self.weight, self.bias, self.stride, padding, self.dilation, self.groups)
 
@@ -45,9 +48,9 @@ class InvertedResidual(nn.Module):
 
     def forward(self, x: Float[Tensor, "n c h w"]) -> Float[Tensor, "n d hh ww"]:
         """Return the block's features."""
-        hidden = x if self.expand is None else F.relu6(self.expand(x))
-        out = self.project(F.relu6(self.depthwise(hidden)))
-        return x + out if self.is_residual else out
+        hidden = x if self.expand is None else F.relu6(self.expand(x), inplace=True)
+        out = self.project(F.relu6(self.depthwise(hidden), inplace=True))
+        return out.add_(x) if self.is_residual else out
 
 
 class EfficientNetLite0(nn.Module):
@@ -68,7 +71,7 @@ class EfficientNetLite0(nn.Module):
 
     def forward(self, rgb: Float[Tensor, "n 3 height width"]) -> list[Float[Tensor, "n c h w"]]:
         """Return the features of images with values in [0, 255]."""
-        x = F.relu6(self.stem((rgb - 127.0) / 128.0))
+        x = F.relu6(self.stem((rgb - 127.0) / 128.0), inplace=True)
         features = []
         for k, stage in enumerate(self.stages):
             x = stage(x)

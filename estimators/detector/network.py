@@ -29,7 +29,9 @@ class CellMaps:
 
 def _conv(inputs: int, outputs: int, kernel: int = 3) -> nn.Sequential:
     return nn.Sequential(
-        nn.Conv2d(inputs, outputs, kernel, padding=kernel // 2, bias=False), nn.BatchNorm2d(outputs), nn.ReLU()
+        nn.Conv2d(inputs, outputs, kernel, padding=kernel // 2, bias=False),
+        nn.BatchNorm2d(outputs),
+        nn.ReLU(inplace=True),
     )
 
 
@@ -45,7 +47,7 @@ class ResidualBlock(nn.Module):
 
     def forward(self, x: Float[Tensor, "n c h w"]) -> Float[Tensor, "n c h w"]:
         """Return the block's features."""
-        return F.relu(x + self.norm(self.second(self.first(x))))
+        return self.norm(self.second(self.first(x))).add_(x).relu_()
 
 
 class InstanceNetwork(nn.Module):
@@ -72,9 +74,9 @@ class InstanceNetwork(nn.Module):
         finest, *features = self.encoder(rgb)
         x = self.lateral[3](features[3])
         for k in (2, 1, 0):
-            x = F.interpolate(x, scale_factor=2.0, mode="nearest") + self.lateral[k](features[k])
+            x = F.interpolate(x, scale_factor=2.0, mode="nearest").add_(self.lateral[k](features[k]))
             x = self.smooth[k](x)
         x = self.context(x)
-        x = F.pixel_shuffle(self.to_fine(x), 2) + self.fine_lateral(finest)
-        x = self.fine(F.relu(x))
+        x = F.pixel_shuffle(self.to_fine(x), 2).add_(self.fine_lateral(finest))
+        x = self.fine(x.relu_())
         return CellMaps(self.foreground(x)[:, 0], self.affinities(x))

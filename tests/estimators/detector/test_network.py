@@ -8,7 +8,7 @@ import torch
 from simpick.errors import CheckpointError
 from simpick.estimators.detector.affinities import OFFSETS
 from simpick.estimators.detector.checkpoints import load_detector_checkpoint, save_detector_checkpoint
-from simpick.estimators.detector.encoder import EfficientNetLite0, load_imagenet_weights
+from simpick.estimators.detector.encoder import EfficientNetLite0, SameConv, load_imagenet_weights
 from simpick.estimators.detector.encoder_stages import OUTPUT_CHANNELS
 from simpick.estimators.detector.network import InstanceNetwork, ResidualBlock
 from simpick.estimators.detector.scores import MaskScore
@@ -32,6 +32,15 @@ def test_each_cell_of_two_pixels_has_every_map(network: InstanceNetwork) -> None
     maps = network(torch.zeros(2, 3, 64, 96))
     assert maps.foreground.shape == (2, 32, 48)
     assert maps.affinities.shape == (2, len(OFFSETS), 32, 48)
+
+
+@pytest.mark.parametrize("kernel", [3, 5])
+def test_strided_convolutions_are_the_same_with_and_without_gradients(kernel: int) -> None:
+    conv, x = SameConv(4, 4, kernel, 2, groups=4), torch.rand(1, 4, 8, 6)
+    with torch.inference_mode():
+        y = conv(x)
+    assert y.shape == (1, 4, 4, 3)
+    torch.testing.assert_close(y, conv(x).detach(), atol=1e-6, rtol=1e-6)
 
 
 def test_a_residual_block_begins_as_the_identity_and_learns() -> None:
