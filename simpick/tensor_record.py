@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -39,9 +39,20 @@ class TensorRecord:
         return _mapped(self, (Tensor, np.ndarray), lambda x: x.reshape(groups, len(x) // groups, *x.shape[1:]))
 
     @classmethod
-    def stack(cls: type[Record], records: Sequence[Record]) -> Record:
-        """Return one record with a new first dimension."""
-        return _joined(records, torch.stack, np.stack)
+    def stack(cls: type[Record], records: Sequence[Record], *, without: Collection[str] = ()) -> Record:
+        """Return one record with a new first dimension.
+
+        Tensors of the fields `without` get a second dimension of length 0 instead of their own first.
+        """
+        if not without:
+            return _joined(records, torch.stack, np.stack)
+
+        def field(name: str) -> Any:
+            if name in without:
+                return _mapped(getattr(records[0], name), Tensor, lambda x: x.new_empty(len(records), 0, *x.shape[1:]))
+            return _joined([getattr(record, name) for record in records], torch.stack, np.stack)
+
+        return _replaced(records[0], field)
 
     @classmethod
     def cat(cls: type[Record], records: Sequence[Record]) -> Record:

@@ -77,3 +77,10 @@ def test_rows_are_split_into_equal_groups() -> None:
     assert record.inner.x.shape == (2, 3, 2) and record.poses.shape == (2, 3, 4, 4)
     assert torch.equal(record.inner.x[1], outer(1.0, n=6).inner.x[3:])
     assert outer(1.0, n=0).split_rows(2).pairs[0][1].shape == (2, 0, 2)
+
+
+def test_fields_that_are_left_out_of_a_stack_are_empty() -> None:
+    records = [outer(1.0), outer(2.0)]
+    whole, stacked = Outer.stack(records), Outer.stack(records, without=("pairs",))
+    assert [x.shape for x in stacked.pairs[0]] == [(2, 0, 2)] * 2
+    assert torch.equal(stacked.inner.x, whole.inner.x) and np.array_equal(stacked.poses, whole.poses)

@@ -24,4 +24,8 @@ class Candidates(TensorRecord):
 
     def best(self, count: int) -> Candidates:
         """Return the `count` candidates of each detection with the highest scores."""
-        return self.rows(best_per_group(self.detections, -self.scores, count))
+        return self.rows(self.best_rows(count))
+
+    def best_rows(self, count: int) -> Int[np.ndarray, "m"]:
+        """Return the rows of `best`."""
+        return best_per_group(self.detections, -self.scores, count)

@@ -25,7 +25,13 @@ from simpick.estimators.raypose.network.model import RayPose
 from simpick.estimators.raypose.network.tokens import QueryTokens
 from simpick.estimators.raypose.predictor import Predictor
 from simpick.estimators.raypose.recent_views import RecentViews
-from simpick.estimators.raypose.template_bank import EncodedView, TemplateBank, ViewKey
+from simpick.estimators.raypose.template_bank import (
+    NOT_FOLLOWED,
+    NOT_MATCHED,
+    EncodedView,
+    TemplateBank,
+    ViewKey,
+)
 from simpick.estimators.raypose.view_index import ViewIndex, load_view_index
 from simpick.estimators.valid_detections import check_onboarded, valid_detections
 from simpick.geometry import transform
@@ -153,10 +159,20 @@ class RayPoseEstimator:
         Ts_camera_part = np.stack([T for own in starts for T in own])
         candidates = Candidates(rows, rows, Ts_camera_part, np.zeros(len(rows)))
         kept = max(self.config.kept, self.config.hypotheses)
-        if self.model.solves_matches and max(map(len, starts)) > kept:
-            _, scores = self._predicted(bank, crops, queries, candidates, final=False)
-            candidates = replace(candidates, scores=scores).best(kept)
-        return self._iterate(bank, crops, queries, candidates)
+        if not self.model.solves_matches or max(map(len, starts)) <= kept:
+            return self._iterate(bank, crops, queries, candidates)
+        Ts_crop_part = crops.poses_in_crops(rows, candidates.Ts_camera_part)
+        searched = self._predictor.search(
+            queries, rows, lambda chunk: bank.around(Ts_crop_part[chunk], without=NOT_MATCHED)
+        )
+        best = replace(candidates, scores=searched.scores.numpy()).best_rows(kept)
+        if self._iterations > 1 or not self._predictor.follows_matches:
+            return self._iterate(bank, crops, queries, candidates.rows(best))
+        rows, Ts_crop_part = rows[best], Ts_crop_part[best]
+        pose, scores = self._predictor.follow(
+            queries, rows, lambda chunk: bank.around(Ts_crop_part[chunk], without=NOT_FOLLOWED), searched.rows(best)
+        )
+        return Candidates(rows, rows, crops.poses_in_camera(rows, pose), scores)
 
     def _coarse(
         self, bank: TemplateBank, crops: QueryCrops, queries: QueryTokens, rows: Int[np.ndarray, "n"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,6 +44,12 @@ class EncodedView(TensorRecord):
     Ts_crop_part: Float[np.ndarray, "*batch 4 4"]
 
 
+NOT_MATCHED = ("tokens", "flow", "embedding")
+"""Fields of views that matching does not need."""
+NOT_FOLLOWED = ("tokens", "descriptors", "points", "coverage", "embedding")
+"""Fields of views that flow does not need where matches are known."""
+
+
 class TemplateBank:
     """The encoded templates of one part for one network."""
 
@@ -72,16 +79,19 @@ class TemplateBank:
             self._sphere = self._model.fuse(self._templates_of(self._posed(slots, slots.Ts_crop_part[0]), sets=1))
         return self._sphere
 
-    def around(self, Ts_crop_part: Float[np.ndarray, "n 4 4"]) -> TemplateTokens:
-        """Return for each pose the templates nearest to it, not fused, each in its equivalent pose nearest to it."""
+    def around(self, Ts_crop_part: Float[np.ndarray, "n 4 4"], *, without: Collection[str] = ()) -> TemplateTokens:
+        """Return for each pose the templates nearest to it, not fused, each in its equivalent pose nearest to it.
+
+        Fields of the views in `without` are left empty, which saves copying them.
+        """
         config = self._model.config
         # Of equivalent poses always the same one, so that equivalent starts have the same templates.
         Ts_crop_part = self.part.symmetries.closest_equivalent(Ts_crop_part, np.eye(4))
         chosen = [choose_around(self.Rs_view_part, T[:3, :3], config.templates, TURNS) for T in Ts_crop_part]
         keys = [(int(v), int(t)) for views, turns in chosen for v, t in zip(views, turns, strict=True)]
         count = len(keys) // len(chosen)
-        slots = self._posed(EncodedView.stack(self._encoded(keys)), np.repeat(Ts_crop_part, count, axis=0))
-        return self._templates_of(slots, sets=len(chosen))
+        slots = EncodedView.stack(self._encoded(keys), without=without)
+        return self._templates_of(self._posed(slots, np.repeat(Ts_crop_part, count, axis=0)), sets=len(chosen))
 
     def _encoded(self, keys: list[tuple[int, int]]) -> list[EncodedView]:
         return self._recent.get([(self.part.content_hash, *key) for key in keys], self._make)

@@ -60,7 +60,8 @@ def initial_poses(
 ) -> InitialPoses:
     """Return the initial poses; each query has one set of templates, which need not be fused.
 
-    With `covered_only`, matches have no columns for template cells beside the part: the same poses in less time.
+    With `covered_only`, template cells beside the part are not matched, and query cells without weight solve nothing:
+    the same poses in less time.
     """
     cells = [x.flatten(1, 2) for x in (templates.descriptors, templates.points, templates.coverage)]
     if covered_only:
@@ -69,15 +70,42 @@ def initial_poses(
     descriptors, points, coverage = cells
     matches = matcher.match(query.descriptors, descriptors, points, coverage, query.coverage)
     start = SolvedPoses.of(templates.poses, templates.diameter_m)
-    solved = solve_poses(matches.points, query.pixel_centroids, matches.weights, query.half_tangent, start, iterations)
-    if flow is None:
-        return InitialPoses(matches, solved, None, solved)
-    common = _consensus(solved)
+    solved = _solve(matches, query, start, iterations, covered_only=covered_only)
+    initial = InitialPoses(matches, solved, None, solved)
+    return initial if flow is None else _measured(flow, query, templates, initial)
+
+
+def follow_matches(
+    flow: TemplateFlow | None, query: QueryTokens, templates: TemplateTokens, initial: InitialPoses, iterations: int
+) -> InitialPoses:
+    """Return initial poses that begin with those of matches alone, after some iterations; for answers, not for losses.
+
+    Of the templates, poses and flow's cells are needed.
+    """
+    solved = _solve(initial.matches, query, initial.solved, iterations, covered_only=True)
+    initial = InitialPoses(initial.matches, solved, None, solved)
+    return initial if flow is None else _measured(flow, query, templates, initial)
+
+
+def _solve(
+    matches: Matches, query: QueryTokens, start: SolvedPoses, iterations: int, *, covered_only: bool
+) -> SolvedPoses:
+    cells = [matches.points, query.pixel_centroids, matches.weights]
+    if covered_only:
+        weighted = CellSubset.of(matches.weights > 0)
+        cells = [weighted.take(x) for x in cells]
+    points, observed, weights = cells
+    return solve_poses(points, observed, weights, query.half_tangent, start, iterations)
+
+
+def _measured(flow: TemplateFlow, query: QueryTokens, templates: TemplateTokens, initial: InitialPoses) -> InitialPoses:
+    """Return the poses after flow around those of matches."""
+    common = _consensus(initial.solved)
     nearer = templates.flow.nearer_half(templates.poses.R, common.R[:, 0])
     measured = flow(query.flow_descriptors, query.visible, nearer, query.half_tangent, common)
-    views = solved.R.shape[1]
+    views = initial.solved.R.shape[1]
     poses = measured.pose.map(lambda x: x.expand(-1, views, *x.shape[2:]))
-    return InitialPoses(matches, solved, measured, poses)
+    return InitialPoses(initial.matches, initial.solved, measured, poses)
 
 
 def _consensus(solved: SolvedPoses) -> SolvedPoses:

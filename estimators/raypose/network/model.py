@@ -24,11 +24,11 @@ from simpick.estimators.raypose.network.encoders.view_embedding import ViewEmbed
 from simpick.estimators.raypose.network.encoders.view_encoder import ViewEncoder
 from simpick.estimators.raypose.network.encoders.visibility import VisibilityHead
 from simpick.estimators.raypose.network.flow import FlowCells, TemplateFlow
-from simpick.estimators.raypose.network.initial_poses import InitialPoses, initial_poses
+from simpick.estimators.raypose.network.initial_poses import InitialPoses, follow_matches, initial_poses
 from simpick.estimators.raypose.network.layers import KeysValues, SelfAttentionBlock, mlp
 from simpick.estimators.raypose.network.matching import FEATURES, Matcher
 from simpick.estimators.raypose.network.pose_maps import CHANNELS, ViewPoses, encode_pose_maps
-from simpick.estimators.raypose.network.pose_solver import SolvedPoses
+from simpick.estimators.raypose.network.pose_solver import ITERATIONS, SolvedPoses
 from simpick.estimators.raypose.network.tokens import QueryInputs, QueryTokens, TemplateInputs, TemplateTokens
 from simpick.tensor_record import TensorRecord
 
@@ -192,15 +192,16 @@ class RayPose(nn.Module):
         """Return initial poses by group; templates need not be fused. `covered_only` is for answers, not for losses."""
         return initial_poses(self.matcher, self.flow, *self._groups(query, templates), covered_only=covered_only)
 
-    def search(self, query: QueryTokens, templates: TemplateTokens) -> tuple[ViewPoses, Float[Tensor, "batch"]]:
-        """Return the best pose solved from matches alone, and its support, for networks that `solves_matches`.
+    def search(self, query: QueryTokens, templates: TemplateTokens) -> InitialPoses:
+        """Return poses solved from matches alone, in few iterations, for networks that `solves_matches`.
 
-        It costs a fraction of an answer and ranks rotations and starts. Templates need not be fused.
+        They cost a fraction of an answer and rank rotations and starts. Templates need not be fused.
         """
-        initial = initial_poses(self.matcher, None, query, templates, _SEARCH_ITERATIONS, covered_only=True)
-        support = initial.support(query, initial.poses)
-        best, rows = support.argmax(dim=1), torch.arange(len(support), device=support.device)
-        return initial.poses.views(templates.diameter_m).map(lambda x: x[rows, best]), support[rows, best]
+        return initial_poses(self.matcher, None, query, templates, _SEARCH_ITERATIONS, covered_only=True)
+
+    def follow(self, query: QueryTokens, templates: TemplateTokens, searched: InitialPoses) -> InitialPoses:
+        """Return what `initial_poses` does, from what `search` found with the same templates."""
+        return follow_matches(self.flow, query, templates, searched, ITERATIONS - _SEARCH_ITERATIONS)
 
     def pose_maps(self, poses: SolvedPoses, templates: TemplateTokens) -> Float[Tensor, "batch views p p 6"]:
         """Return the maps of each view's pose relative to its reference."""

@@ -263,6 +263,18 @@ def test_cells_beside_the_part_change_no_pose() -> None:
     torch.testing.assert_close(covered.poses.R, everything.poses.R, rtol=1e-4, atol=1e-4)
 
 
+def test_answers_from_what_was_searched_are_those_from_scratch() -> None:
+    model, queries, inputs = awake(TINY), random_query(3), random_templates(3)
+    with torch.inference_mode():
+        query, templates = model.encode_query(queries), model.encode_templates(inputs)
+        searched = model.search(query, templates)
+        followed = model.follow(query, templates, searched)
+        poses = model.initial_poses(query, templates).poses
+    assert searched.flow is None
+    torch.testing.assert_close(followed.poses.R, poses.R, rtol=1e-4, atol=1e-4)
+    torch.testing.assert_close(followed.poses.centre, poses.centre, rtol=1e-4, atol=1e-4)
+
+
 def test_a_subset_of_cells_is_taken_in_order_and_put_back() -> None:
     subset = CellSubset.of(torch.tensor([[False, True, False, True], [False, False, False, True]]))
     cells = torch.arange(8.0).view(2, 4, 1)
