@@ -12,7 +12,7 @@ import tyro
 from simpick.cli.training_options import value_of
 from simpick.config import NonNegativeInt, PositiveFloat, PositiveInt
 from simpick.training.detector.config import DetectorTrainConfig, read_detector_train_config
-from simpick.training.resources import Resources
+from simpick.training.detector.resources import DetectorResources
 
 _NO_LIMIT = "(default: no limit)"
 
@@ -44,7 +44,7 @@ class TrainDetector:
     """JSON file with the defaults of the options --training.*: a run's config.json, or parts of one."""
     seed: NonNegativeInt = 0
     """Default of --training.seed and --training.data.seed: weights, crops, parts and bins."""
-    resources: tyro.conf.OmitArgPrefixes[Resources] = field(default_factory=Resources)
+    resources: tyro.conf.OmitArgPrefixes[DetectorResources] = field(default_factory=DetectorResources)
     """What to use of this machine."""
     training: DetectorTrainConfig = field(default_factory=DetectorTrainConfig)
     """How to train."""

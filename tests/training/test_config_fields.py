@@ -20,6 +20,7 @@ from simpick.training.data.augmentation import AugmentationConfig
 from simpick.training.data.data_config import DataConfig
 from simpick.training.detector.bin_data import BinDataConfig
 from simpick.training.detector.config import CropConfig, DetectorTrainConfig
+from simpick.training.detector.resources import DetectorResources
 from simpick.training.resources import Resources
 
 CONFIGS = (
@@ -29,6 +30,7 @@ CONFIGS = (
     CameraEffects,
     CropConfig,
     DataConfig,
+    DetectorResources,
     DetectorTrainConfig,
     LearnedDetectorConfig,
     Resources,

@@ -17,10 +17,8 @@ from torch.utils.data import DataLoader, Dataset
 
 from simpick.training.detector.bin_files import read_view
 from simpick.training.detector.config import DetectorTrainConfig
-from simpick.training.detector.crops import Crop, draw_crop
-
-View = tuple[Path, int]
-"""A bin's file and one of its views."""
+from simpick.training.detector.crops import Crop, cut_crop, instance_areas
+from simpick.training.detector.step_draws import View, draw_plans, draw_views, view_rng
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,12 +68,7 @@ def _steps(
 ) -> Iterator[tuple[int, list[View]]]:
     """Yield each step with its views; runs in the training process, which knows what bins there are."""
     for step in count(first_step):
-        rng = np.random.default_rng([config.seed, 16, step])
-        files, number = bins(), -(-config.batch // config.crops_per_view)
-        yield (
-            step,
-            [(files[int(rng.integers(len(files)))], int(rng.integers(config.data.views))) for _ in range(number)],
-        )
+        yield step, draw_views(config, step, bins())
 
 
 class _StepCrops(Dataset[CropBatch]):
@@ -87,12 +80,12 @@ class _StepCrops(Dataset[CropBatch]):
     def __getitem__(self, item: tuple[int, list[View]]) -> CropBatch:
         step, views = item
         config, crops = self._config, list[Crop]()
-        for k, (file, view) in enumerate(views):
-            rng = np.random.default_rng([config.seed, 17, step, k])
-            # Reading an image costs twice as much as a crop of it.
+        for place, (file, view) in enumerate(views):
+            rng = view_rng(config, step, place)
+            # Reading an image costs as much as a crop of it.
             image = read_view(file, view)
-            number = min(config.crops_per_view, config.batch - len(crops))
-            crops += [draw_crop(image, config.crops, rng) for _ in range(number)]
+            plans = draw_plans(config, place, instance_areas(image.ids), rng)
+            crops += [cut_crop(image, plan, config.crops.size_px, rng) for plan in plans]
         return collate(crops)
 
 

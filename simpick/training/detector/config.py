@@ -35,6 +35,8 @@ class CropConfig(Config):
     """Side of a crop; a multiple of 32."""
     scale: tuple[PositiveFloat, PositiveFloat] = (0.95, 2.0)
     """Smallest and largest magnification. Bins of 640 px are enlarged 1.5 times when they are segmented."""
+    instance_share: Fraction = 0.5
+    """Share of crops around a random pixel of a random instance; the others lie around a random pixel of any."""
     effects: CameraEffects = field(default_factory=CameraEffects)
     """What the camera does to the image."""
 

@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from simpick.estimators.detector.affinities import STRIDE
-from simpick.rendering.camera_effects import apply_camera_effects
+from simpick.rendering.camera_effects import compress_jpeg, expose
 from simpick.training.detector.bin_data import BinImage
-from simpick.training.detector.config import CropConfig
+from simpick.training.detector.crop_plans import ANY_PART, Areas, CropPlan
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,30 +23,25 @@ class Crop:
     """Instance in each cell, from 1; 0 is background."""
 
 
-def draw_crop(image: BinImage, config: CropConfig, rng: np.random.Generator) -> Crop:
-    """Return a random crop around a random instance."""
-    matrix = _crop_from_image(image, config, rng)
-    size = config.size_px
+def instance_areas(ids: UInt8[np.ndarray, "height width"]) -> Areas:
+    """Return how many pixels each instance has, and the background."""
+    return cv2.calcHist([ids], [0], None, [256], [0.0, 256.0]).ravel().astype(np.int64)
+
+
+def cut_crop(image: BinImage, plan: CropPlan, size_px: int, rng: np.random.Generator) -> Crop:
+    """Return the planned crop of an image; `rng` draws the noise."""
+    matrix = _crop_from_image(image, plan)
     blank = cv2.mean(image.rgb)
-    rgb = cv2.warpAffine(image.rgb, matrix, (size, size), flags=cv2.INTER_LINEAR, borderValue=blank)
+    rgb = cv2.warpAffine(image.rgb, matrix, (size_px, size_px), flags=cv2.INTER_LINEAR, borderValue=blank)
     # Cells' middles lie between pixels: in coordinates of pixel centres, cell (i, j) is at STRIDE * i + 0.5.
-    cells = size // STRIDE
+    cells = size_px // STRIDE
     to_cells = np.array([[1 / STRIDE, 0, -0.5 / STRIDE], [0, 1 / STRIDE, -0.5 / STRIDE], [0, 0, 1]])
     cell_matrix = (to_cells @ np.vstack([matrix, [0, 0, 1]]))[:2]
     ids = cv2.warpAffine(image.ids, cell_matrix, (cells, cells), flags=cv2.INTER_NEAREST, borderValue=(0,))
-    return Crop(apply_camera_effects(rgb, config.effects, rng), ids)
+    return Crop(compress_jpeg(expose(rgb, plan.exposure, rng), plan.jpeg_quality), ids)
 
 
-def _crop_from_image(image: BinImage, config: CropConfig, rng: np.random.Generator) -> Float[np.ndarray, "2 3"]:
-    shown = cv2.findNonZero(image.ids)
-    if shown is not None:
-        aim = shown.reshape(-1, 2)[int(rng.integers(len(shown)))].astype(float)
-    else:
-        aim = rng.random(2) * image.ids.shape[::-1]
-    angle = rng.uniform(0, 2 * np.pi) if rng.random() < 0.5 else np.pi / 2 * rng.integers(4)
-    scale = float(np.exp(rng.uniform(*np.log(config.scale))))
-    linear = scale * np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    if rng.random() < 0.5:
-        linear[:, 0] *= -1
-    target = config.size_px * rng.uniform(0.25, 0.75, size=2)
-    return np.column_stack([linear, target - linear @ aim])
+def _crop_from_image(image: BinImage, plan: CropPlan) -> Float[np.ndarray, "2 3"]:
+    is_instance = image.ids > 0 if plan.instance == ANY_PART else image.ids == plan.instance
+    row, column = divmod(int(np.flatnonzero(is_instance)[plan.pixel]), image.ids.shape[1])
+    return np.column_stack([plan.linear, plan.target_px - plan.linear @ [column, row]])

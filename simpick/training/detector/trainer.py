@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -18,11 +19,13 @@ from simpick.training.budget import Budget
 from simpick.training.detector.batches import CropBatch, crop_batches
 from simpick.training.detector.bin_supply import BinSupply
 from simpick.training.detector.config import DetectorTrainConfig
+from simpick.training.detector.device_batches import device_batches
+from simpick.training.detector.device_views import DeviceViews, do_views_fit
 from simpick.training.detector.losses import loss_terms, weighted_sum
+from simpick.training.detector.resources import DetectorResources
 from simpick.training.detector.validation import DetectorValidation
 from simpick.training.graceful_stop import GracefulStop
 from simpick.training.moving_average import moving_average
-from simpick.training.resources import Resources
 from simpick.training.run_folder import TrainingFolder
 from simpick.training.state import TrainingState
 
@@ -35,7 +38,7 @@ def train_detector(
     budget: Budget,
     folder: Path,
     *,
-    resources: Resources | None = None,
+    resources: DetectorResources | None = None,
     imagenet_weights: Path | None = None,
     start_from: Path | None = None,
     on_row: Callable[[dict[str, Any], float], None] | None = None,
@@ -43,17 +46,18 @@ def train_detector(
     """Train the detector until the budget is spent and return the file of its weights.
 
     A folder that holds a run of the same configuration resumes where that stopped. Bins that are missing are made in
-    `Resources.shards` or the run's own folder, all but the first `min_ready_bins` of them during training: once all are
-    there, a step's batch follows from the seed alone. `imagenet_weights` are those of the encoder (see
+    `DetectorResources.shards` or the run's own folder, all but the first `min_ready_bins` of them during training: once
+    all are there, a step's batch follows from the seed alone. `imagenet_weights` are those of the encoder (see
     `load_imagenet_weights`), `start_from` those of a whole detector; without either, all weights are random.
 
     Raises:
         OutputError: the folder holds another run, or cannot be written.
         CheckpointError: the weights to start from do not fit.
+        ConfigError: the device is to hold all views, and has too little memory.
         SimpickError: the loss is no longer finite.
         KeyboardInterrupt: Ctrl-C or SIGTERM; the current step was finished and the state saved.
     """
-    resources = resources or Resources()
+    resources = resources or DetectorResources()
     if resources.threads:
         torch.set_num_threads(resources.threads)
     name = resources.device
@@ -95,7 +99,7 @@ class _Trainer:
         self,
         config: DetectorTrainConfig,
         budget: Budget,
-        resources: Resources,
+        resources: DetectorResources,
         device: torch.device,
         run: TrainingFolder,
         state: TrainingState[InstanceNetwork],
@@ -113,11 +117,31 @@ class _Trainer:
         folder = self.resources.shards or self.run_folder.shards
         with GracefulStop() as graceful_stop, BinSupply(folder, self.config, self.resources.renderers) as bins:
             bins.wait(graceful_stop)
-            self._loop(bins, DetectorValidation(bins.held_out()), graceful_stop)
+            validation = DetectorValidation(bins.held_out())
+            with self._batches(bins, graceful_stop) as batches:
+                self._loop(batches, bins, validation, graceful_stop)
 
-    def _loop(self, bins: BinSupply, validation: DetectorValidation, graceful_stop: GracefulStop) -> None:
+    @contextmanager
+    def _batches(self, bins: BinSupply, graceful_stop: GracefulStop) -> Iterator[Iterator[CropBatch]]:
+        config, step, loaders = self.config, self.state.step, self.resources.loaders
         is_cuda = self.device.type == "cuda"
-        batches = crop_batches(self.config, bins.train, self.state.step, self.resources.loaders, pinned=is_cuda)
+        where = self.resources.crops
+        if where == "auto":
+            where = "device" if is_cuda and do_views_fit(config, self.device) else "loaders"
+        if where == "loaders":
+            yield crop_batches(config, bins.train, step, loaders, pinned=is_cuda)
+            return
+        with DeviceViews(config, bins.train, self.device, readers=max(1, loaders)) as views:
+            views.wait(graceful_stop)
+            yield device_batches(config, views, step)
+
+    def _loop(
+        self,
+        batches: Iterator[CropBatch],
+        bins: BinSupply,
+        validation: DetectorValidation,
+        graceful_stop: GracefulStop,
+    ) -> None:
         last = time.perf_counter()
         validated_s = self.state.seconds
         while self._progress() < 1 and not graceful_stop.requested:

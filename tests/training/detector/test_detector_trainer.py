@@ -5,6 +5,7 @@ import os
 import signal
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import pytest
 import torch
@@ -14,8 +15,8 @@ from simpick.estimators.detector.checkpoints import load_detector_checkpoint
 from simpick.training.budget import Budget
 from simpick.training.detector import trainer
 from simpick.training.detector.config import CropConfig, read_detector_train_config
+from simpick.training.detector.resources import DetectorResources
 from simpick.training.detector.trainer import train_detector
-from simpick.training.resources import Resources
 from tests.training.detector.conftest import TINY_TRAINING
 
 pytestmark = pytest.mark.render
@@ -23,16 +24,21 @@ STEPS = 4
 
 
 @pytest.fixture
-def resources(tiny_bins: Path, monkeypatch: pytest.MonkeyPatch) -> Resources:
+def resources(tiny_bins: Path, monkeypatch: pytest.MonkeyPatch) -> DetectorResources:
     monkeypatch.setattr(trainer, "LOG_STEPS", 1)
-    return Resources(device="cpu", renderers=0, loaders=0, threads=1, shards=tiny_bins)
+    return DetectorResources(device="cpu", renderers=0, loaders=0, threads=1, shards=tiny_bins)
 
 
 def saved(folder: Path) -> dict:
     return torch.load(folder / "state.pt", weights_only=True)
 
 
-def test_an_interrupted_run_resumes_bit_by_bit(resources: Resources, tmp_path: Path) -> None:
+@pytest.mark.parametrize("crops", ["loaders", "device"])
+def test_an_interrupted_run_resumes_bit_by_bit(
+    resources: DetectorResources, crops: Literal["loaders", "device"], tmp_path: Path
+) -> None:
+    resources = replace(resources, crops=crops)
+
     def interrupt(row: dict, progress: float) -> None:
         if row["step"] == 2:
             os.kill(os.getpid(), signal.SIGINT)
@@ -53,14 +59,14 @@ def test_an_interrupted_run_resumes_bit_by_bit(resources: Resources, tmp_path: P
     assert {row["split"] for row in rows} == {"train", "validation"}
 
 
-def test_a_finished_run_is_left_as_it_is(resources: Resources, tmp_path: Path) -> None:
+def test_a_finished_run_is_left_as_it_is(resources: DetectorResources, tmp_path: Path) -> None:
     train_detector(TINY_TRAINING, Budget(steps=1), tmp_path, resources=resources)
     before = (tmp_path / "log.jsonl").read_text()
     train_detector(TINY_TRAINING, Budget(steps=1), tmp_path, resources=resources)
     assert (tmp_path / "log.jsonl").read_text() == before
 
 
-def test_the_first_stages_keep_their_weights(resources: Resources, tmp_path: Path) -> None:
+def test_the_first_stages_keep_their_weights(resources: DetectorResources, tmp_path: Path) -> None:
     first = train_detector(TINY_TRAINING, Budget(steps=1), tmp_path / "a", resources=resources)
     second = train_detector(TINY_TRAINING, Budget(steps=2), tmp_path / "b", resources=resources, start_from=first)
     before, after = (load_detector_checkpoint(path).network.encoder for path in (first, second))
@@ -69,13 +75,13 @@ def test_the_first_stages_keep_their_weights(resources: Resources, tmp_path: Pat
     assert not torch.equal(before.get_parameter(last), after.get_parameter(last))
 
 
-def test_a_folder_of_another_run_is_refused(resources: Resources, tmp_path: Path) -> None:
+def test_a_folder_of_another_run_is_refused(resources: DetectorResources, tmp_path: Path) -> None:
     train_detector(TINY_TRAINING, Budget(steps=1), tmp_path, resources=resources)
     with pytest.raises(OutputError, match=r"another configuration: training\.batch \(2 there, 4 now\)"):
         train_detector(replace(TINY_TRAINING, batch=4), Budget(steps=1), tmp_path, resources=resources)
 
 
-def test_weights_that_do_not_fit_are_refused(resources: Resources, tmp_path: Path) -> None:
+def test_weights_that_do_not_fit_are_refused(resources: DetectorResources, tmp_path: Path) -> None:
     with pytest.raises(CheckpointError, match="there is no checkpoint"):
         train_detector(
             TINY_TRAINING, Budget(steps=1), tmp_path, resources=resources, start_from=tmp_path / "none.safetensors"
