@@ -136,7 +136,7 @@ def test_flow_is_measured_for_the_starts_that_matches_agree_on_best(crank, monke
     estimator.onboard(crank)
     followed = []
     around = TemplateBank.around
-    monkeypatch.setattr(TemplateBank, "around", lambda bank, Ts: followed.append(Ts) or around(bank, Ts))
+    monkeypatch.setattr(TemplateBank, "around", lambda bank, Ts, **kw: followed.append(Ts) or around(bank, Ts, **kw))
     (estimate,) = estimator.estimate(frame, [detection])
     assert len(followed[-1]) == measured
     error_deg = np.degrees(crank.symmetries.rotation_distance(estimate.T_camera_part[:3, :3], T[:3, :3]))
