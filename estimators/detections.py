@@ -30,6 +30,10 @@ ENTRY_POINT_GROUP = "simpick.detectors"
 """Where another package registers its detector: a callable without arguments that returns a `Detector`."""
 
 
+TRIED = 4
+"""Detections whose poses are estimated for each one to report: poses are judged more reliably than detections."""
+
+
 @dataclass(frozen=True)
 class DetectorSpec(Plugin):
     """How a detector that works from images alone is made, and what its answers depend on."""
@@ -94,6 +98,24 @@ def find_detector(name: str) -> DetectorSpec:
     raise UnknownNameError(
         "detections", name, detector_names(), f"Other packages add theirs as entry points of {ENTRY_POINT_GROUP!r}."
     )
+
+
+def photo_detector(name: str, *, counted: bool = False) -> Detector:
+    """Return the detector called `name` as photographs need it.
+
+    Who asks for parts in a photograph expects them there, so the learned detector answers also where the image as a
+    whole probably shows none of them, with what has a probability of a tenth or more; `simpick.photos` says where
+    no pose is probable. If it is known how many of each part the image shows (`counted`), nothing is left out
+    for its probability: the most certain are chosen anyway.
+
+    Raises:
+        UnknownNameError: there is none of this name.
+    """
+    if name == "learned":
+        from simpick.estimators.detector import LearnedDetector, LearnedDetectorConfig
+
+        return LearnedDetector(config=LearnedDetectorConfig(min_score=0.0 if counted else 0.1, min_presence=0.0))
+    return find_detector(name).make()
 
 
 def detector_data(name: str) -> dict[str, str]:

@@ -49,7 +49,7 @@ class Estimate(Config):
     ] = ()
     """Boxes of the part in pixels, four numbers each, in every image; a mask is found in each by GrabCut."""
     count: Annotated[PositiveInt | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: all)")] = None
-    """How many of each part to report per image: the most certain ones."""
+    """How many of each part to report per image: the most certain ones; improbable ones too, if there are no others."""
     unit: Unit = "auto"
     """Unit of mesh files; auto chooses by plausible size and reports which."""
     rectified: bool = False
@@ -143,8 +143,8 @@ class Estimate(Config):
         self, names: list[str], console: Console
     ) -> Callable[[ImageFile, int, int], Detector | Sequence[Detection]]:
         """Return what gives the detector, or the detections, of an image of some height and width."""
+        from simpick.estimators.detections import photo_detector
         from simpick.photos.photo_detections import DetectionFile, boxes_from_numbers
-        from simpick.photos.photo_estimator import photo_detector
 
         if self.boxes:
             boxes = boxes_from_numbers(self.boxes, names[0])
@@ -154,7 +154,7 @@ class Estimate(Config):
             if file.note:
                 console.print_line(f"note: {file.note}")
             return file.of
-        detector = photo_detector(self.detections)
+        detector = photo_detector(self.detections, counted=self.count is not None)
         return lambda image, height, width: detector
 
     def _answer(

@@ -171,7 +171,7 @@ class Evaluate(Config):
     ) -> list[BopDetection] | Detector | BoxKind | None:
         """Return what `bop_images` takes; raise ConfigError for what a data set without true poses cannot give."""
         from simpick.bop import read_detections
-        from simpick.estimators.detections import find_detector, is_file
+        from simpick.estimators.detections import is_file, photo_detector
         from simpick.pose_eval.bop_evaluation import known_detections
 
         if not has_truth and self.results is not None:
@@ -196,7 +196,7 @@ class Evaluate(Config):
         if self.detections == "bbox_visib" or self.detections == "bbox_obj":
             return self.detections
         if not is_file(self.detections):
-            return find_detector(self.detections).make()
+            return photo_detector(self.detections, counted=True)
         found = read_detections(Path(self.detections))
         known = known_detections(dataset, found)
         if len(known) < len(found):

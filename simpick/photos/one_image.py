@@ -12,12 +12,13 @@ from jaxtyping import Float, Shaped
 from simpick.assets.part import Part
 from simpick.errors import ConfigError
 from simpick.estimators.base import Detector
+from simpick.estimators.detections import photo_detector
 from simpick.photos.cad_poses import CadPoseEstimate
 from simpick.photos.calibration import Calibration, PixelCentres
 from simpick.photos.camera_files import read_calibration
 from simpick.photos.image_files import ImageReader, find_images
 from simpick.photos.parts import load_parts
-from simpick.photos.photo_estimator import PhotoEstimator, photo_detector
+from simpick.photos.photo_estimator import PhotoEstimator
 from simpick.records import Detection
 
 
@@ -37,7 +38,8 @@ def estimate(
     integers as in OpenCV unless `pixel_centres` is "half"; a camera file; or a `Calibration`, which may have
     distortion. `parts` are mesh files, names, `Part`s, or files that `save_onboarding` wrote. `detections` are a
     detector's name, a `Detector`, or detections in the image, of which those without a mask get one from their box.
-    `count` limits the estimates of each part. Estimators and onboarded parts are kept for later calls.
+    `count` says how many of each part to report: the most certain of 4 times as many detections. Estimators and
+    onboarded parts are kept for later calls.
 
     Raises:
         CameraFileError: the camera does not suit the image, or its file cannot be read.
@@ -60,7 +62,7 @@ def estimate(
             rgb = reader.read(files[0], calibration.size).rgb
     listed = [parts] if isinstance(parts, Part | str | Path) else list(parts)
     estimator = _estimator(tuple(load_parts(listed)), mode)
-    found = _detector(detections) if isinstance(detections, str) else detections
+    found = _detector(detections, counted=count is not None) if isinstance(detections, str) else detections
     height, width = rgb.shape[:2]
     return list(estimator.estimate(rgb, calibration.of_size(width, height), found, count=count).estimates)
 
@@ -79,5 +81,5 @@ def _estimator(parts: tuple[Part, ...], mode: str) -> PhotoEstimator:
 
 
 @lru_cache(maxsize=4)
-def _detector(name: str) -> Detector:
-    return photo_detector(name)
+def _detector(name: str, *, counted: bool) -> Detector:
+    return photo_detector(name, counted=counted)

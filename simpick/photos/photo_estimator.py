@@ -16,8 +16,7 @@ from simpick.closing import Closing
 from simpick.errors import ConfigError
 from simpick.estimators.base import Detector
 from simpick.estimators.boundary import onboard_parts, validated_detections, validated_estimates
-from simpick.estimators.detections import find_detector
-from simpick.estimators.detector import LearnedDetector, LearnedDetectorConfig
+from simpick.estimators.detections import TRIED
 from simpick.estimators.registry import EstimatorName, find_estimator, load_estimator
 from simpick.photos.box_masks import with_masks
 from simpick.photos.cad_poses import CadPoseEstimate
@@ -26,7 +25,6 @@ from simpick.photos.pose_checks import PoseChecks, check_pose
 from simpick.records import CameraFrame, Detection
 from simpick.rendering.posed_depth import PosedDepthRenderer
 
-_TRIED = 4
 """Detections that are tried per pose that is asked for."""
 _DOUBTFUL = 0.5
 """Without a pose of this probability, a part may not be in the image: so it was for 83 % of 60 parts that were not, and
@@ -46,21 +44,6 @@ class PhotoPoses:
     """The most certain first."""
     timings_s: dict[str, float]
     """Wall-clock seconds of ``detect`` and ``estimate``."""
-
-
-def photo_detector(name: str) -> Detector:
-    """Return the detector called `name` as photographs need it.
-
-    Who asks for parts in a photograph expects them there, so the learned detector answers also where the image as a
-    whole probably shows none of them, with what has a probability of a tenth or more; `PhotoEstimator.doubts` says
-    where no pose is probable.
-
-    Raises:
-        UnknownNameError: there is none of this name.
-    """
-    if name == "learned":
-        return LearnedDetector(config=LearnedDetectorConfig(min_score=0.1, min_presence=0.0))
-    return find_detector(name).make()
 
 
 class PhotoEstimator(Closing):
@@ -111,7 +94,7 @@ class PhotoEstimator(Closing):
             ]
             found = with_masks(moved, frame)
         if count is not None:
-            found = _best(found, _TRIED * count)
+            found = _best(found, TRIED * count)
         detect_s = time.perf_counter() - start
         start = time.perf_counter()
         answers = validated_estimates(self.estimator, [frame], [found])[0]

@@ -15,6 +15,7 @@ from simpick.bop.targets import MIN_VISIBLE_FRACTION
 from simpick.errors import DatasetError
 from simpick.estimators.base import Detector
 from simpick.estimators.boundary import validated_detections
+from simpick.estimators.detections import TRIED
 from simpick.geometry import invert
 from simpick.metrics.models import EvaluationModel
 from simpick.metrics.visible_surface import VSD_DELTA_M
@@ -50,8 +51,8 @@ def bop_images(
     """Yield the images that the targets name, in the targets' order.
 
     Per image and target object, the `detections` with the highest scores are used, as many as there are instances to
-    find; those of a detector likewise. If None, the annotations' visible masks are used, and a `BoxKind` stands for
-    their boxes. Images of scenes without annotations have no truths.
+    find; of a detector's, 4 times as many, of whose poses the most certain count. If None, the annotations' visible
+    masks are used, and a `BoxKind` stands for their boxes. Images of scenes without annotations have no truths.
     """
     wanted: dict[tuple[int, int], dict[str, int]] = {}
     for target in targets:
@@ -80,7 +81,7 @@ def bop_images(
             parts = [dataset.models.part(dataset.models.obj_id(name)) for name in counts]
             seen = validated_detections(detections, frame, parts)
             seconds = time.perf_counter() - start
-            chosen = [d for name, count in counts.items() for d in [d for d in seen if d.part == name][:count]]
+            chosen = [d for name, count in counts.items() for d in [d for d in seen if d.part == name][: TRIED * count]]
         else:
             entries = found.get((scene_id, im_id), [])
             chosen = _best(dataset, entries, counts, frame)

@@ -22,7 +22,7 @@ from simpick.pose_eval.bop_evaluation import (
 )
 from simpick.pose_eval.pose_evaluation import PoseEvaluator, score_images
 from simpick.pose_eval.pose_sources import Answer, FileSource, OracleSource
-from simpick.records import PoseEstimate
+from simpick.records import Detection, PoseEstimate
 
 
 def evaluate(**settings) -> Evaluate:
@@ -104,6 +104,25 @@ def test_of_a_detections_file_the_best_are_used_as_many_as_there_are_targets(roo
     assert images[0].detection_s == 0.3 and images[1].detections == ()
     with pytest.raises(ConfigError, match=r"the oracle needs detections that name instances: take perfect"):
         OracleSource().prepare(images[0])
+
+
+def test_of_a_detector_four_times_as_many_are_used_and_the_most_certain_poses_count(root, instances):
+    class Eager:
+        def detect(self, frame, parts):
+            mask = instances[0].mask
+            box = np.array([0.0, 0.0, 8.0, 8.0])
+            return [Detection(part.name, box, mask, k / 10) for part in parts for k in (9, 8, 7, 6, 5, 4)]
+
+    dataset = BopDataset(root)
+    image = next(bop_images(dataset, dataset.targets(), Eager(), depth=False))
+    used = [d.score for d in image.detections if d.part == "rod"]
+    assert used == [0.9, 0.8, 0.7, 0.6][: 4 * image.inst_counts["rod"]] and len(used) == 4
+    # The pose of the last detection is the certain one.
+    truth = next(t for t in image.truths if t.part == "rod")
+    away = truth.T_camera_part @ transform(translation=np.array([0.0, 0.0, 0.1]))
+    poses = [PoseEstimate("rod", away, 0.2, "mine", 0.0), PoseEstimate("rod", truth.T_camera_part, 0.7, "mine", 0.0)]
+    evaluation = _score(dataset, FileSource({(4, 0): poses}))
+    assert evaluation.summary.median_translation_mm < 1e-6
 
 
 def test_estimates_of_unnamed_detections_answer_the_nearest_truth(root):

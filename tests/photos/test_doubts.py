@@ -7,10 +7,11 @@ import pytest
 
 from simpick.assets import get_part
 from simpick.estimators import LearnedDetector
+from simpick.estimators.detections import photo_detector
 from simpick.geometry import Pinhole
 from simpick.photos import PhotoEstimator
 from simpick.photos.cad_poses import CadPoseEstimate
-from simpick.photos.photo_estimator import PhotoPoses, photo_detector
+from simpick.photos.photo_estimator import PhotoPoses
 from simpick.records import CameraFrame, PoseEstimate
 
 
@@ -60,3 +61,9 @@ def test_photographs_are_searched_however_improbable_the_part_is() -> None:
         0.1,
     )
     assert LearnedDetector().config.min_presence == 0.5
+
+
+def test_nothing_is_left_out_where_it_is_known_how_many_there_are() -> None:
+    detector = photo_detector("learned", counted=True)
+    assert isinstance(detector, LearnedDetector)
+    assert (detector.config.min_presence, detector.config.min_score) == (0, 0)
