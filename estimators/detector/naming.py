@@ -62,9 +62,10 @@ class NamedInstances:
 
 @dataclass(frozen=True, eq=False)
 class _Templates:
-    """Templates of one part, or of several in a row."""
+    """Templates of one part."""
 
     descriptors: Float[Tensor, "templates dimensions"]
+    """In half precision, as they are on disk."""
     log_size: Float[Tensor, "templates"]
     """Logarithm of the distance in metres per pixel of focal length at which a crop looks like this."""
 
@@ -75,14 +76,12 @@ class PartNaming:
     def __init__(self, config: NamingConfig | None = None) -> None:
         self.config = config or NamingConfig()
         self._of_part: dict[str, _Templates] = {}
-        self._joined: tuple[tuple[str, ...], _Templates] | None = None
 
     def onboard(self, part: Part) -> None:
         """Prepare the part's templates, or take them from the cache on disk."""
         if part.content_hash not in self._of_part:
             index = load_index(part, TemplateConfig(views=_VIEWS), _TURNS)
             log_size = torch.from_numpy(index.centres[:, 2]).clamp_min(1e-9).log()
-            # In half precision, as they are on disk: only the parts of the present bin are held in single precision.
             self._of_part[part.content_hash] = _Templates(index.descriptors.half(), log_size)
 
     def compare(
@@ -95,7 +94,7 @@ class PartNaming:
         """
         if not masks:
             return NamedInstances(np.zeros((0, len(parts))), float("nan"), False)
-        templates = self._join(parts)
+        templates = self._templates(parts)
         boxes = np.stack([box_of_mask(mask) for mask in masks])
         crops = crop_images(frame.rgb, frame.camera, boxes, CROP_PX, masks=masks, padding=PADDING)
         assert crops.masks is not None
@@ -104,9 +103,10 @@ class PartNaming:
         start_m = np.ones(len(masks)) if floor_m is None else floor_m
         with torch.inference_mode():
             queries = describe(luminance(torch.from_numpy(crops.rgb)), torch.from_numpy(crops.masks))
-            scores = (queries @ templates.descriptors.T).unflatten(1, (len(parts), -1))
+            # In single precision a part at a time: that stays in the cache, where all together would not.
+            scores = torch.stack([queries @ t.descriptors.float().T for t in templates], dim=1)
             log_ratio = torch.from_numpy(np.log(crops.cameras.focal_px / start_m)).float()
-            log_size = templates.log_size.view(len(parts), -1)
+            log_size = torch.stack([t.log_size for t in templates])
             shift = self._common_shift(scores, log_ratio, log_size, shifts)
             scores -= self._penalty(log_ratio[:, None, None] + (log_size - shift))
         distance_m = float(np.median(start_m) * np.exp(shift))
@@ -130,17 +130,10 @@ class PartNaming:
         ratio = ours.log_size[views, None] - theirs.log_size[None]
         return float((scores - self._penalty(-ratio.abs())).amax(dim=1).mean())
 
-    def _join(self, parts: Sequence[Part]) -> _Templates:
-        key = tuple(part.content_hash for part in parts)
-        if self._joined is None or self._joined[0] != key:
-            for part in parts:
-                self.onboard(part)
-            chosen = [self._of_part[name] for name in key]
-            joined = _Templates(
-                torch.cat([t.descriptors for t in chosen]).float(), torch.cat([t.log_size for t in chosen])
-            )
-            self._joined = (key, joined)
-        return self._joined[1]
+    def _templates(self, parts: Sequence[Part]) -> list[_Templates]:
+        for part in parts:
+            self.onboard(part)
+        return [self._of_part[part.content_hash] for part in parts]
 
     def _penalty(self, deviation: Tensor) -> Tensor:
         config = self.config
