@@ -19,12 +19,8 @@ def exposures(points_world: Sequence[Float[np.ndarray, "_ 3"]]) -> Float[np.ndar
     """
     if not points_world:
         return np.zeros(0)
-    grid = HeightGrid.around(points_world)
-    tops = np.stack([grid.top(points) for points in points_world])
-    shares = []
-    for k, top in enumerate(tops):
-        others = np.delete(tops, k, axis=0)
-        cover = others.max(axis=0) if len(others) else np.full(grid.shape, -np.inf)
-        own = np.isfinite(top)
-        shares.append(float((top >= cover - _BELOW_M)[own].mean()) if own.any() else 0.0)
-    return np.array(shares)
+    tops = HeightGrid.around(points_world).tops(points_world)
+    # A part may be its own cover: it is then the highest, and exposed.
+    own, exposed = np.isfinite(tops), tops >= tops.max(axis=0) - _BELOW_M
+    cells, open_cells = (np.count_nonzero(mask, axis=(1, 2)) for mask in (own, own & exposed))
+    return np.divide(open_cells, cells, out=np.zeros(len(tops)), where=cells > 0)

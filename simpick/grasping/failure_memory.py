@@ -124,9 +124,12 @@ class FailureMemory:
 
     def _at(self, part: Part, T_world_part: Float[np.ndarray, "4 4"]) -> list[_Attempt]:
         """Return the attempts at this part at about this place."""
+        attempts = [a for a in self._attempts if a.part == part.name]
+        if not attempts:
+            return []
         tolerance_m = float(np.clip(_SAME_PLACE_SHARE * part.diameter_m, *_SAME_PLACE_M))
         place_m = _place(part, T_world_part)
-        return [a for a in self._attempts if a.part == part.name and np.linalg.norm(a.place_m - place_m) <= tolerance_m]
+        return [a for a in attempts if np.linalg.norm(a.place_m - place_m) <= tolerance_m]
 
 
 def _place(part: Part, T_world_part: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "3"]:

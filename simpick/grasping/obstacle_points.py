@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float, Int
 
 
 @dataclass(frozen=True, eq=False)
@@ -14,35 +15,38 @@ class ObstaclePoints:
 
     columns_m: Float[np.ndarray, "3 n"]
     """Their coordinates; along memory each, for every test reads one after the other."""
+    owners: Int[np.ndarray, "n"]
+    """Which part each is on."""
     top_m: float
     """Height of the highest."""
 
     @staticmethod
-    def of(points_m: Float[np.ndarray, "n 3"]) -> ObstaclePoints:
-        """Return these points in order."""
-        return ObstaclePoints.from_ordered(points_m[np.argsort(points_m[:, 1], kind="stable")].T)
+    def of(clouds_m: Sequence[Float[np.ndarray, "_ 3"]]) -> ObstaclePoints:
+        """Return the points on these parts; the k-th cloud is that of part k."""
+        owners = np.repeat(np.arange(len(clouds_m)), [len(cloud) for cloud in clouds_m])
+        columns_m = np.concatenate([np.zeros((0, 3)), *clouds_m]).T
+        order = np.argsort(columns_m[1])
+        return ObstaclePoints._ordered(columns_m[:, order], owners[order])
 
     @staticmethod
-    def from_ordered(columns_m: Float[np.ndarray, "3 n"]) -> ObstaclePoints:
-        """Return these points, which are in order."""
-        return ObstaclePoints(np.ascontiguousarray(columns_m), float(columns_m[2].max(initial=-np.inf)))
+    def _ordered(columns_m: Float[np.ndarray, "3 n"], owners: Int[np.ndarray, "n"]) -> ObstaclePoints:
+        return ObstaclePoints(np.ascontiguousarray(columns_m), owners, float(columns_m[2].max(initial=-np.inf)))
 
-    def where(self, kept: Bool[np.ndarray, "n"]) -> ObstaclePoints:
-        """Return these of the points."""
-        return ObstaclePoints.from_ordered(self.columns_m[:, kept])
-
-    def distances_m(self, point_m: Float[np.ndarray, "3"]) -> Float[np.ndarray, "n"]:
-        """Return how far each is from a point in the world."""
-        return np.linalg.norm(self.columns_m - point_m[:, None], axis=0)
+    def of_owners(self, owners: Collection[int]) -> ObstaclePoints:
+        """Return those on these parts."""
+        kept = np.isin(self.owners, list(owners))
+        return ObstaclePoints._ordered(self.columns_m[:, kept], self.owners[kept])
 
     def around_box(
         self,
         T_world_box: Float[np.ndarray, "4 4"],
         lower_m: Float[np.ndarray, "3"],
         upper_m: Float[np.ndarray, "3"],
+        beside: int = -1,
     ) -> Float[np.ndarray, "m 3"]:
-        """Return all points in a box that is aligned with a frame, and some beside it, in that frame.
+        """Return all points in a box that is aligned with a frame, and some around it, in that frame.
 
+        Those on part `beside` are left out.
         Those within the box's extent along the world's x and y are taken; of a box whose z axis points down, only what
         is no higher than the highest point has an extent.
         """
@@ -60,6 +64,7 @@ class ObstaclePoints:
         beside_y = abs(yx) * half_x + abs(yy) * half_y + abs(yz) * half_z
         first, last = self.columns_m[1].searchsorted((y - beside_y, y + beside_y)).tolist()
         x_m = self.columns_m[0, first:last]
-        near = ((x_m >= x - beside_x) & (x_m <= x + beside_x)).nonzero()[0]
-        columns_m = self.columns_m[:, first:last].take(near, axis=1)
+        near = (x_m >= x - beside_x) & (x_m <= x + beside_x)
+        near &= self.owners[first:last] != beside
+        columns_m = self.columns_m[:, first:last].take(near.nonzero()[0], axis=1)
         return (T_world_box[:3, :3].T @ (columns_m - T_world_box[:3, 3:])).T

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import lru_cache, partial
 from typing import Annotated
 
 import numpy as np
@@ -15,13 +16,13 @@ from annotated_types import Interval, MinLen
 from jaxtyping import Float
 
 from simpick.assets.grippers import get_gripper
-from simpick.assets.grippers.base import GripperBoxes
-from simpick.assets.grippers.sampling.boxes import box_surface_points, points_in_boxes, swept_back
+from simpick.assets.grippers.sampling.boxes import points_in_boxes, swept_back
 from simpick.assets.part import Part
 from simpick.config import Config, Fraction, NonNegativeFloat, PositiveFloat, PositiveInt
 from simpick.geometry.transforms import transform_points
 from simpick.grasping.exposure import exposures
 from simpick.grasping.failure_memory import FailureMemory
+from simpick.grasping.gripper_shape import GripperShape
 from simpick.grasping.obstacle_points import ObstaclePoints
 from simpick.grasping.part_grasps import symmetric_grasps
 from simpick.grasping.unexplained import UnexplainedSpace
@@ -31,7 +32,7 @@ from simpick.scene.workspace import bin_interior
 
 _SURFACE_POINTS = 700
 _NEAR_M = 0.3
-"""Points on other parts that are further from a target's origin cannot be in the way of its grasps."""
+"""What is unexplained further from a target's origin cannot be in the way of its grasps."""
 
 
 @dataclass(frozen=True)
@@ -101,13 +102,16 @@ class Rejection(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class _Target:
-    """One part's grasps that are to be checked for collisions, best first."""
+    """One part's grasps that are to be checked for collisions."""
 
     index: int
     origin_m: Float[np.ndarray, "3"]
     grasps: list[Grasp]
     Ts_world_tcp: Float[np.ndarray, "n 4 4"]
-    scores: Float[np.ndarray, "n"]
+    order: list[int]
+    """Those to be checked, best first."""
+    scores: list[float]
+    """Of these, in the same order: what each is worth at most."""
     exposure: float
 
 
@@ -117,16 +121,28 @@ class GraspPlanner:
     def __init__(self, gripper: str, bin: BinConfig, config: PlannerConfig | None = None) -> None:
         self.gripper, self.config = get_gripper(gripper), config or PlannerConfig()
         interior = bin_interior(bin)
-        self._lower, self._upper = np.array(interior.lower_m), np.array(interior.upper_m)
-        self._grasps: dict[str, tuple[list[Grasp], Float[np.ndarray, "n 4 4"]]] = {}
+        clearance_m = self.config.wall_clearance_m
+        self._lower = [side + clearance_m for side in interior.lower_m]
+        self._upper = [side - clearance_m for side in interior.upper_m]
+        self._over_rim_m = interior.upper_m[2] + clearance_m
+        self._back_m = np.array([[0.0], [0.5 * self.config.approach_m], [self.config.approach_m]])
+        self._grasps: dict[str, tuple[list[Grasp], Float[np.ndarray, "n 4 4"], Float[np.ndarray, "n"]]] = {}
         self._points: dict[str, Float[np.ndarray, "n 3"]] = {}
+        self._shape = lru_cache(maxsize=1024)(
+            partial(
+                GripperShape.of,
+                self.gripper,
+                approach_m=self.config.approach_m,
+                clearance_m=self.config.part_clearance_m,
+            )
+        )
 
     def prepare(self, part: Part) -> None:
         """Load (or sample, verify and store) the part's grasps; `plan` does it where this has not been done."""
         if part.content_hash not in self._grasps:
             grasps = symmetric_grasps(part, self.gripper.name)
             Ts = np.stack([g.T_part_tcp for g in grasps]) if grasps else np.zeros((0, 4, 4))
-            self._grasps[part.content_hash] = grasps, Ts
+            self._grasps[part.content_hash] = grasps, Ts, np.array([g.quality for g in grasps])
             points = trimesh.sample.sample_surface(part.mesh, _SURFACE_POINTS, seed=0)[0]
             self._points[part.content_hash] = np.asarray(points, float)
 
@@ -151,12 +167,12 @@ class GraspPlanner:
         unexplained: UnexplainedSpace | None = None,
         rejected: Counter[Rejection] | None = None,
     ) -> Iterator[WorldGrasp]:
-        """Yield the grasps that can be carried out, best first; those of a part are made when they may be the next.
+        """Yield the grasps that can be carried out, best first; each is tested only when it may be the next.
 
         `parts[k]` is estimated at `Ts_world_part[k]`, with a confidence `scores[k]` in [0, 1] if given. Every part is
         an obstacle to the others. With what the estimates leave `unexplained`, those that it does not trust are not
         grasped, and a grasp that only these rule out is a last choice; so is one that meets what is unexplained.
-        Reach is not checked. Grasps that are left out are counted in `rejected`.
+        Reach is not checked. Grasps that are left out are counted in `rejected`, as far as they have been tested.
         """
         for part in parts:
             self.prepare(part)
@@ -172,31 +188,30 @@ class GraspPlanner:
             for k in sorted(trusted)
         ]
         rejected[Rejection.DOUBTFUL] += sum(len(self._grasps[parts[k].content_hash][0]) for k in everything - trusted)
-        # A target is worth at most the score of its best grasp. Its grasps take its place once they are made.
+        obstacles = ObstaclePoints.of(clouds)
+        solid = obstacles if trusted == everything else obstacles.of_owners(trusted)
+        # A target is worth at most the score of its best grasp not tested yet. What is found takes a place of its own.
         queue: list[tuple[float, int, int, _Target | WorldGrasp]] = [
-            (-float(target.scores.max(initial=0.0)), target.index, 0, target) for target in targets
+            (-target.scores[0], target.index, 0, target) for target in targets if target.scores
         ]
         heapq.heapify(queue)
-        points, owners = np.concatenate([np.zeros((0, 3)), *clouds]), np.repeat(np.arange(len(clouds)), _SURFACE_POINTS)
-        order = np.argsort(points[:, 1], kind="stable")
-        obstacles, owners = ObstaclePoints.from_ordered(points[order].T), owners[order]
+        testing: dict[int, Iterator[tuple[list[WorldGrasp], float]]] = {}
+        made: Counter[int] = Counter()
         while queue:
             *_, best = heapq.heappop(queue)
             if isinstance(best, WorldGrasp):
                 yield best
                 continue
-            near = (obstacles.distances_m(best.origin_m) < _NEAR_M) & (owners != best.index)
-            doubtful = np.zeros((0, 3)) if unexplained is None else unexplained.around(best.index)
-            doubtful = doubtful[np.linalg.norm(doubtful - best.origin_m, axis=-1) < _NEAR_M]
-            blocked = rejected[Rejection.PARTS]
-            grasps = self._grasps_of(best, obstacles.where(near), doubtful, rejected)
-            if not grasps and rejected[Rejection.PARTS] > blocked and trusted < everything:
-                # What is improbable keeps away, but does not rule out.
-                solid = obstacles.where(near & np.isin(owners, list(trusted)))
-                possible = self._grasps_of(best, solid, doubtful, Counter())
-                grasps = [replace(g, quality=g.quality * self.config.touching_factor) for g in possible]
-            for number, grasp in enumerate(grasps, 1):
-                heapq.heappush(queue, (-grasp.quality, best.index, number, grasp))
+            if best.index not in testing:
+                doubtful = np.zeros((0, 3)) if unexplained is None else unexplained.around(best.index)
+                doubtful = doubtful[np.linalg.norm(doubtful - best.origin_m, axis=-1) < _NEAR_M]
+                testing[best.index] = self._tested(best, obstacles, solid, doubtful, rejected)
+            grasps, bound = next(testing[best.index])
+            for grasp in grasps:
+                made[best.index] += 1
+                heapq.heappush(queue, (-grasp.quality, best.index, made[best.index], grasp))
+            if bound > -np.inf:
+                heapq.heappush(queue, (-bound, best.index, made[best.index] + 1, best))
 
     def _weights(
         self, clouds: Sequence[Float[np.ndarray, "n 3"]], scores: Sequence[float] | None
@@ -223,10 +238,10 @@ class GraspPlanner:
         rejected: Counter[Rejection],
     ) -> _Target:
         """Return the part's grasps that are steep enough and did not fail before, best first."""
-        grasps, Ts_part_tcp = self._grasps[part.content_hash]
+        grasps, Ts_part_tcp, qualities = self._grasps[part.content_hash]
         Ts_world_tcp = T_world_part @ Ts_part_tcp
         descent = -Ts_world_tcp[:, 2, 2]
-        scores = weight * np.array([g.quality for g in grasps]) * np.clip(descent, 0, 1) ** 2
+        scores = weight * qualities * np.clip(descent, 0, 1) ** 2
         factors = np.ones(len(grasps)) if memory is None else memory.factors(part, T_world_part, Ts_world_tcp)
         scores = scores * factors
         steep = descent > np.cos(np.radians(self.config.largest_tilt_deg))
@@ -235,50 +250,73 @@ class GraspPlanner:
         usable = np.flatnonzero(steep & (factors > 0))
         order = usable[np.argsort(-scores[usable], kind="stable")][: self.config.tries_per_target]
         return _Target(
-            index, T_world_part[:3, 3], [grasps[k] for k in order], Ts_world_tcp[order], scores[order], exposure
+            index, T_world_part[:3, 3], grasps, Ts_world_tcp, order.tolist(), scores[order].tolist(), exposure
         )
 
-    def _grasps_of(
+    def _tested(
         self,
         target: _Target,
-        others: ObstaclePoints,
+        obstacles: ObstaclePoints,
+        solid: ObstaclePoints,
         doubtful: Float[np.ndarray, "m 3"],
         rejected: Counter[Rejection],
-    ) -> list[WorldGrasp]:
-        """Return up to `grasps_per_target` feasible grasps of one part."""
-        config = self.config
-        clearances = config.side_clearances_m if self.gripper.max_opening_m > 0 else (0.0,)
-        free: list[WorldGrasp] = []
-        brushing: list[WorldGrasp] = []
-        for grasp, T, score in zip(target.grasps, target.Ts_world_tcp, target.scores.tolist(), strict=True):
-            why = Rejection.BIN
-            for choice, clearance in enumerate(clearances):
-                opening = min(grasp.width_m + 2 * clearance, self.gripper.max_opening_m)
-                boxes = self.gripper.boxes(opening)
-                edges = box_surface_points(boxes)
-                T_world_tcp, back_m = self._off_the_floor(T, edges)
-                if back_m > config.most_back_off_m or not self._clears_bin(T_world_tcp, edges):
-                    continue
-                why = Rejection.PARTS
-                touched = self._touched(T_world_tcp, opening, boxes, others)
-                if touched > config.most_points_touched:
-                    continue
-                why = None
-                quality = score * 0.8**choice * (1 - 0.5 * back_m / config.most_back_off_m)
-                if touched:
-                    quality *= config.touching_factor / (1 + touched)
-                if len(doubtful):
-                    quality *= self._doubt(T_world_tcp, opening, doubtful)
-                found = WorldGrasp(T_world_tcp, grasp, target.index, opening, quality, target.exposure)
-                (brushing if touched else free).append(found)
-                # A narrower opening may be free where a wider one brushes something.
-                if not touched:
-                    break
+    ) -> Iterator[tuple[list[WorldGrasp], float]]:
+        """Yield the part's feasible grasps as they are found, and what those that may follow are worth at most.
+
+        One grasp is tested for each, the best-scored first, until `grasps_per_target` are free. Only where none is,
+        those that touch others come, last of all; if there are none either, those that only what is not `solid` rules
+        out.
+        """
+        config, free, blocked = self.config, 0, False
+        touching: list[WorldGrasp] = []
+        for rank, following in enumerate([*target.scores[1:], -np.inf]):
+            found, brushing, why = self._tried(target, rank, obstacles, doubtful)
+            touching += brushing
             if why is not None:
                 rejected[why] += 1
-            if len(free) == config.grasps_per_target:
-                break
-        return free or sorted(brushing, key=lambda g: -g.quality)[: config.grasps_per_target]
+                blocked |= why is Rejection.PARTS
+            free += found is not None
+            if free == config.grasps_per_target:
+                following = -np.inf
+            bound = following if free else max(following, config.touching_factor * target.scores[0])
+            yield [] if found is None else [found], bound
+        ordered = sorted(touching, key=lambda g: -g.quality)[: config.grasps_per_target]
+        if not ordered and blocked and solid is not obstacles:
+            # What is improbable keeps away, but does not rule out.
+            possible = self._tested(target, solid, solid, doubtful, Counter())
+            ordered = [replace(g, quality=g.quality * config.touching_factor) for grasps, _ in possible for g in grasps]
+        yield ordered, -np.inf
+
+    def _tried(
+        self, target: _Target, rank: int, obstacles: ObstaclePoints, doubtful: Float[np.ndarray, "m 3"]
+    ) -> tuple[WorldGrasp | None, list[WorldGrasp], Rejection | None]:
+        """Return a grasp as it is free; else as it touches others, with each opening; else why it is left out."""
+        config, k = self.config, target.order[rank]
+        grasp, T, score = target.grasps[k], target.Ts_world_tcp[k], target.scores[rank]
+        clearances = config.side_clearances_m if self.gripper.max_opening_m > 0 else (0.0,)
+        brushing: list[WorldGrasp] = []
+        why: Rejection | None = Rejection.BIN
+        for choice, clearance in enumerate(clearances):
+            shape = self._shape(min(grasp.width_m + 2 * clearance, self.gripper.max_opening_m))
+            T_world_tcp, back_m = self._off_the_floor(T, shape.edges)
+            if back_m > config.most_back_off_m or not self._clears_bin(T_world_tcp, shape.edges):
+                continue
+            why = Rejection.PARTS
+            touched = self._touched(T_world_tcp, shape, obstacles, target.index)
+            if touched > config.most_points_touched:
+                continue
+            why = None
+            quality = score * 0.8**choice * (1 - 0.5 * back_m / config.most_back_off_m)
+            if touched:
+                quality *= config.touching_factor / (1 + touched)
+            if len(doubtful):
+                quality *= self._doubt(T_world_tcp, shape.opening_m, doubtful)
+            found = WorldGrasp(T_world_tcp, grasp, target.index, shape.opening_m, quality, target.exposure)
+            # A narrower opening may be free where a wider one brushes something.
+            if not touched:
+                return found, brushing, None
+            brushing.append(found)
+        return None, brushing, why
 
     def _doubt(
         self, T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float, doubtful: Float[np.ndarray, "n 3"]
@@ -300,7 +338,7 @@ class GraspPlanner:
         """
         if self.gripper.press_m > 0:
             return T_world_tcp, 0.0
-        lowest_m = float(transform_points(T_world_tcp, edges)[:, 2].min())
+        lowest_m = float((edges @ T_world_tcp[:3, :3].T)[:, 2].min() + T_world_tcp[2, 3])
         missing_m = max(0.0, self.config.floor_clearance_m + 1e-6 - lowest_m)
         back_m = missing_m / max(-float(T_world_tcp[2, 2]), 1e-3)
         drawn_back = T_world_tcp.copy()
@@ -309,36 +347,21 @@ class GraspPlanner:
 
     def _clears_bin(self, T_world_tcp: Float[np.ndarray, "4 4"], edges: Float[np.ndarray, "n 3"]) -> bool:
         """Return whether the open gripper and its straight approach keep clear of the bin's walls and floor."""
-        config = self.config
         body = T_world_tcp[:3, :3] @ edges.T + T_world_tcp[:3, 3:]
         if body[2].min() < 0.0:
             return False
-        back_m = np.array([[0.0], [0.5 * config.approach_m], [config.approach_m]])
-        x, y, z = body[:, None] - back_m * T_world_tcp[:3, 2, None, None]
-        (left, front, _), (right, rear, _) = (
-            self._lower + config.wall_clearance_m,
-            self._upper - config.wall_clearance_m,
-        )
+        x, y, z = body[:, None] - self._back_m * T_world_tcp[:3, 2, None, None]
+        (left, front, _), (right, rear, _) = self._lower, self._upper
         inside = (x > left) & (x < right) & (y > front) & (y < rear)
-        return bool((inside | (z >= self._upper[2] + config.wall_clearance_m)).all())
+        return bool((inside | (z >= self._over_rim_m)).all())
 
     def _touched(
-        self,
-        T_world_tcp: Float[np.ndarray, "4 4"],
-        opening_m: float,
-        boxes: GripperBoxes,
-        obstacles: ObstaclePoints,
+        self, T_world_tcp: Float[np.ndarray, "4 4"], shape: GripperShape, obstacles: ObstaclePoints, target: int
     ) -> int:
         """Return how many points on other parts lie in the way of the open gripper and its straight approach.
 
         A point that the closing gripper would take along counts as one too many.
         """
-        config = self.config
-        solid, gripped = swept_back(boxes, config.approach_m), self.gripper.grip_boxes(opening_m)
-        lower = np.concatenate([solid[:, 0], gripped[:, 0]]).min(axis=0) - config.part_clearance_m
-        upper = np.concatenate([solid[:, 1], gripped[:, 1]]).max(axis=0) + config.part_clearance_m
-        points = obstacles.around_box(T_world_tcp, lower, upper)
-        touched = int(points_in_boxes(points, solid, config.part_clearance_m).sum())
-        if points_in_boxes(points, gripped).any():
-            return config.most_points_touched + 1
-        return touched
+        points = obstacles.around_box(T_world_tcp, shape.lower_m, shape.upper_m, beside=target)
+        touched, gripped = shape.points_met(points)
+        return self.config.most_points_touched + 1 if gripped else touched

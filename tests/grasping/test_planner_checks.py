@@ -128,8 +128,8 @@ def test_what_is_in_the_way_is_counted_with_its_clearance(
     planner: GraspPlanner, point_mm: tuple[float, ...], touched: int
 ) -> None:
     T = lying(z_m=0.3)
-    obstacle = ObstaclePoints.of(transform_points(T, np.array([point_mm]) / 1e3))
-    assert planner._touched(T, OPENING_M, planner.gripper.boxes(OPENING_M), obstacle) == touched
+    obstacle = ObstaclePoints.of([transform_points(T, np.array([point_mm]) / 1e3)])
+    assert planner._touched(T, planner._shape(OPENING_M), obstacle, target=1) == touched
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -138,15 +138,16 @@ def test_what_is_beside_the_palm_is_counted_where_its_sides_are_parallel_to_the_
     planner: GraspPlanner, side: float, x_mm: float, y_mm: float, touched: int
 ) -> None:
     T = transform(translation=np.array([0.5, 0.0, 0.3]))
-    obstacle = ObstaclePoints.of(transform_points(T, side * np.array([[x_mm, y_mm, side * -140.0]]) / 1e3))
-    assert planner._touched(T, OPENING_M, planner.gripper.boxes(OPENING_M), obstacle) == touched
+    obstacle = ObstaclePoints.of([transform_points(T, side * np.array([[x_mm, y_mm, side * -140.0]]) / 1e3)])
+    assert planner._touched(T, planner._shape(OPENING_M), obstacle, target=1) == touched
 
 
-def test_in_the_way_may_be_all_near_points_of_other_parts_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_in_the_way_may_be_all_points_of_other_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     own, seen = GraspPlanner("jaw", BinConfig()), []
-    monkeypatch.setattr(own, "_touched", lambda T, opening_m, boxes, obstacles: seen.append(obstacles) or 0)
-    poses = [lying(z_m=0.2), lying(x_m=0.55, y_m=0.02), lying(y_m=-0.05), lying(x_m=1.0)]
-    assert next(own.search([NUT] * 4, poses, scores=[0.9, 0.5, 0.5, 0.5])).target == 0
-    columns = seen[0].columns_m
-    expected = np.concatenate([transform_points(T, own._points[NUT.content_hash]) for T in poses[1:3]])
-    np.testing.assert_array_equal(columns.T, expected[np.argsort(expected[:, 1], kind="stable")])
+    monkeypatch.setattr(own, "_touched", lambda T, shape, obstacles, target: seen.append((obstacles, target)) or 0)
+    poses = [lying(z_m=0.2), lying(x_m=0.55, y_m=0.02), lying(y_m=-0.05)]
+    assert next(own.search([NUT] * 3, poses, scores=[0.9, 0.5, 0.5])).target == 0
+    (obstacles, target), *_ = seen
+    around = obstacles.around_box(np.eye(4), np.full(3, -1.0), np.ones(3), beside=target)
+    expected = np.concatenate([transform_points(T, own._points[NUT.content_hash]) for T in poses[1:]])
+    np.testing.assert_array_equal(around, expected[np.argsort(expected[:, 1])])

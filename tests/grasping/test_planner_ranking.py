@@ -41,7 +41,7 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., GraspPlanner]:
     ) -> GraspPlanner:
         monkeypatch.setattr("simpick.grasping.planner.symmetric_grasps", lambda part, gripper: offered)
         own = GraspPlanner(kind, BinConfig(), PlannerConfig(**settings))
-        monkeypatch.setattr(own, "_touched", lambda T_world_tcp, opening_m, boxes, obstacles: touched(opening_m))
+        monkeypatch.setattr(own, "_touched", lambda T, shape, obstacles, target: touched(shape.opening_m))
         return own
 
     return planner
@@ -82,13 +82,15 @@ def test_the_best_are_tried_and_of_equals_the_first(make: Callable[..., GraspPla
 def test_grasps_are_made_when_they_may_be_the_next(
     make: Callable[..., GraspPlanner], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    planner, made = make(grasps([0.9])), []
-    of_target = planner._grasps_of
-    monkeypatch.setattr(planner, "_grasps_of", lambda *a: made.append(a[0].index) or of_target(*a))
+    planner, made = make(grasps([0.9, 0.8, 0.4])), []
+    tried = planner._tried
+    monkeypatch.setattr(planner, "_tried", lambda *a: made.append((a[0].index, a[1])) or tried(*a))
     places = [transform(translation=np.array([0.5, y_m, 0.2])) for y_m in (-0.1, 0.1)]
     search = planner.search([NUT, NUT], places, scores=[0.9, 0.5])
-    assert next(search).target == 0 and made == [0]
-    assert next(search).target == 1 and made == [0, 1]
+    expected = [(0, 0), (0, 1), (1, 0), (1, 1), (0, 2), (1, 2)]
+    for count, (target, rank) in enumerate(expected, 1):
+        found = next(search)
+        assert (found.target, numbers([found])) == (target, [rank]) and made == expected[:count]
 
 
 def test_a_part_without_grasps_is_not_counted(make: Callable[..., GraspPlanner]) -> None:
