@@ -13,7 +13,9 @@ def normal_forces(
     """Return the normal force (N) in these contacts, by default all; 0 where surfaces are near but do not touch."""
     # With elliptic cones the first row of a contact's constraint is its normal direction.
     rows = data.contact.efc_address[contacts]
-    forces = np.zeros(len(rows))
     active = rows >= 0
+    if active.all():
+        return data.efc_force[rows]
+    forces = np.zeros(len(rows))
     forces[active] = data.efc_force[rows[active]]
     return forces

@@ -164,8 +164,10 @@ class JawGripper:
 
 
 def _movable_bodies(model: mujoco.MjModel, geoms: set[int]) -> set[int]:
-    bodies = {int(model.geom_bodyid[geom]) for geom in geoms}
-    return {body for body in bodies if model.body_weldid[body] != 0}
+    if not geoms:
+        return set()
+    body_of, welded_to = model.geom_bodyid, model.body_weldid
+    return {body for geom in geoms if welded_to[body := int(body_of[geom])] != 0}
 
 
 def _tendon(model: mujoco.MjModel) -> int:

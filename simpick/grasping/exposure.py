@@ -21,6 +21,7 @@ def exposures(points_world: Sequence[Float[np.ndarray, "_ 3"]]) -> Float[np.ndar
         return np.zeros(0)
     tops = HeightGrid.around(points_world).tops(points_world)
     # A part may be its own cover: it is then the highest, and exposed.
-    own, exposed = np.isfinite(tops), tops >= tops.max(axis=0) - _BELOW_M
-    cells, open_cells = (np.count_nonzero(mask, axis=(1, 2)) for mask in (own, own & exposed))
+    own = tops > -np.inf
+    exposed = own & (tops >= tops.max(axis=0) - _BELOW_M)
+    cells, open_cells = (np.array([np.count_nonzero(part) for part in mask]) for mask in (own, exposed))
     return np.divide(open_cells, cells, out=np.zeros(len(tops)), where=cells > 0)

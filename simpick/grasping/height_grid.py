@@ -23,12 +23,13 @@ class HeightGrid:
     @staticmethod
     def around(points: Sequence[Float[np.ndarray, "_ 3"]]) -> HeightGrid:
         """Return the grid that encloses these points in the world, at most 2 m wide; there must be some."""
-        everything = np.concatenate(points)[:, :2]
-        middle = np.median(everything, axis=0)
-        lower = np.maximum(everything.min(axis=0), middle - _HALF_SIDE_M)
-        upper = np.minimum(everything.max(axis=0), middle + _HALF_SIDE_M)
-        rows, columns = (np.floor((upper - lower) / CELL_M).astype(int) + 1).tolist()
-        return HeightGrid(lower, (rows, columns))
+        # Along memory, in which a median takes a tenth of the time.
+        columns = np.concatenate(points)[:, :2].T.copy()
+        middle = np.array([np.median(column) for column in columns])
+        lower = np.maximum(columns.min(axis=1), middle - _HALF_SIDE_M)
+        upper = np.minimum(columns.max(axis=1), middle + _HALF_SIDE_M)
+        across, along = (np.floor((upper - lower) / CELL_M).astype(int) + 1).tolist()
+        return HeightGrid(lower, (across, along))
 
     def tops(self, clouds: Sequence[Float[np.ndarray, "_ 3"]]) -> Float[np.ndarray, "parts rows columns"]:
         """Return `top` of each of several parts."""
@@ -52,10 +53,13 @@ class HeightGrid:
         count: int,
     ) -> Float[np.ndarray, "count rows columns"]:
         heights = np.full((count, *self.shape), nothing)
-        cells = np.floor((points[:, :2] - self.lower_m) / CELL_M).astype(int)
-        inside = ((cells >= 0) & (cells < self.shape)).all(axis=1)
-        rows, columns = cells[inside].T
+        x, y, z = points.T
+        # As floats, which need no rounding to integers to be compared.
+        rows, columns = np.floor((x - self.lower_m[0]) / CELL_M), np.floor((y - self.lower_m[1]) / CELL_M)
+        inside = (rows >= 0) & (columns >= 0) & (rows < self.shape[0]) & (columns < self.shape[1])
+        if not inside.all():
+            rows, columns, z, owners = rows[inside], columns[inside], z[inside], owners[inside]
         # A flat index: `at` takes several times as long with one for each axis.
-        at = (owners[inside] * self.shape[0] + rows) * self.shape[1] + columns
-        choose.at(heights.reshape(-1), at, points[inside, 2])
+        at = (owners * self.shape[0] + rows.astype(int)) * self.shape[1] + columns.astype(int)
+        choose.at(heights.reshape(-1), at, z)
         return heights

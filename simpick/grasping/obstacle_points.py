@@ -37,6 +37,28 @@ class ObstaclePoints:
         kept = np.isin(self.owners, list(owners))
         return ObstaclePoints._ordered(self.columns_m[:, kept], self.owners[kept])
 
+    def back_m(
+        self,
+        T_world_box: Float[np.ndarray, "4 4"],
+        lower_m: Float[np.ndarray, "3"],
+        upper_m: Float[np.ndarray, "3"],
+    ) -> float:
+        """Return the least z that any point in the box can have, in the box's frame.
+
+        Of a box whose z axis points down, what is higher than the highest point is empty.
+        """
+        # Numbers instead of arrays, for these are a few products, hundreds of times per pick.
+        (zx, zy, zz, z), (left, front, back), (right, rear, tip) = (
+            T_world_box[2].tolist(),
+            lower_m.tolist(),
+            upper_m.tolist(),
+        )
+        if zz > -0.1:
+            return back
+        lowest_side = zx * (left + right) / 2 + zy * (front + rear) / 2
+        lowest_side -= (abs(zx) * (right - left) + abs(zy) * (rear - front)) / 2
+        return min(max(back, (self.top_m - z - lowest_side) / zz), tip)
+
     def around_box(
         self,
         T_world_box: Float[np.ndarray, "4 4"],
@@ -47,16 +69,12 @@ class ObstaclePoints:
         """Return all points in a box that is aligned with a frame, and some around it, in that frame.
 
         Those on part `beside` are left out.
-        Those within the box's extent along the world's x and y are taken; of a box whose z axis points down, only what
-        is no higher than the highest point has an extent.
+        Those within the box's extent along the world's x and y are taken, as far as `back_m` lets it reach.
         """
-        # Numbers instead of arrays, for these are a few products, thousands of times per pick.
-        (xx, xy, xz, x), (yx, yy, yz, y), (zx, zy, zz, z), _ = T_world_box.tolist()
-        (left, front, back), (right, rear, tip) = lower_m.tolist(), upper_m.tolist()
+        (xx, xy, xz, x), (yx, yy, yz, y), *_ = T_world_box.tolist()
+        (left, front, _), (right, rear, tip) = lower_m.tolist(), upper_m.tolist()
+        back = self.back_m(T_world_box, lower_m, upper_m)
         mid_x, mid_y, half_x, half_y = (left + right) / 2, (front + rear) / 2, (right - left) / 2, (rear - front) / 2
-        if zz < -0.1:
-            lowest_side = zx * mid_x + zy * mid_y - abs(zx) * half_x - abs(zy) * half_y
-            back = min(max(back, (self.top_m - z - lowest_side) / zz), tip)
         mid_z, half_z = (back + tip) / 2, (tip - back) / 2
         x += xx * mid_x + xy * mid_y + xz * mid_z
         y += yx * mid_x + yy * mid_y + yz * mid_z

@@ -124,6 +124,7 @@ class GraspPlanner:
         clearance_m = self.config.wall_clearance_m
         self._lower = [side + clearance_m for side in interior.lower_m]
         self._upper = [side - clearance_m for side in interior.upper_m]
+        self._least_descent = np.cos(np.radians(self.config.largest_tilt_deg))
         self._over_rim_m = interior.upper_m[2] + clearance_m
         self._back_m = np.array([[0.0], [0.5 * self.config.approach_m], [self.config.approach_m]])
         self._grasps: dict[str, tuple[list[Grasp], Float[np.ndarray, "n 4 4"], Float[np.ndarray, "n"]]] = {}
@@ -241,14 +242,17 @@ class GraspPlanner:
         grasps, Ts_part_tcp, qualities = self._grasps[part.content_hash]
         Ts_world_tcp = T_world_part @ Ts_part_tcp
         descent = -Ts_world_tcp[:, 2, 2]
-        scores = weight * qualities * np.clip(descent, 0, 1) ** 2
-        factors = np.ones(len(grasps)) if memory is None else memory.factors(part, T_world_part, Ts_world_tcp)
-        scores = scores * factors
-        steep = descent > np.cos(np.radians(self.config.largest_tilt_deg))
-        rejected[Rejection.TILT] += int((~steep).sum())
-        rejected[Rejection.FAILED] += int((steep & (factors == 0)).sum())
-        usable = np.flatnonzero(steep & (factors > 0))
-        order = usable[np.argsort(-scores[usable], kind="stable")][: self.config.tries_per_target]
+        scores = weight * qualities * descent.clip(0, 1) ** 2
+        usable = descent > self._least_descent
+        steep = int(np.count_nonzero(usable))
+        if memory is not None and len(memory):
+            factors = memory.factors(part, T_world_part, Ts_world_tcp)
+            scores = scores * factors
+            usable &= factors > 0
+        kept = usable.nonzero()[0]
+        rejected[Rejection.TILT] += len(grasps) - steep
+        rejected[Rejection.FAILED] += steep - len(kept)
+        order = kept[np.argsort(-scores[kept], kind="stable")][: self.config.tries_per_target]
         return _Target(
             index, T_world_part[:3, 3], grasps, Ts_world_tcp, order.tolist(), scores[order].tolist(), exposure
         )
@@ -362,6 +366,8 @@ class GraspPlanner:
 
         A point that the closing gripper would take along counts as one too many.
         """
-        points = obstacles.around_box(T_world_tcp, shape.lower_m, shape.upper_m, beside=target)
-        touched, gripped = shape.points_met(points)
+        _, lower_m, upper_m = shape.extents[0]
+        # Over the pile the palm meets nothing, and the fingers are a fifth as wide.
+        around = shape.around_from(obstacles.back_m(T_world_tcp, lower_m, upper_m))
+        touched, gripped = shape.points_met(obstacles.around_box(T_world_tcp, *around, beside=target))
         return self.config.most_points_touched + 1 if gripped else touched

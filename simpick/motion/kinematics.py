@@ -70,14 +70,25 @@ class Kinematics:
         return solutions[0] if solutions else None
 
     def solve_all(
-        self, T_world_tcp: Float[np.ndarray, "4 4"], q_seed: Float[np.ndarray, "joints"]
+        self,
+        T_world_tcp: Float[np.ndarray, "4 4"],
+        q_seed: Float[np.ndarray, "joints"],
+        known: dict[bytes, Float[np.ndarray, "joints"] | None] | None = None,
     ) -> list[Float[np.ndarray, "joints"]]:
-        """Return every branch of solutions, the one that needs the least motion of any joint from `q_seed` first."""
+        """Return every branch of solutions, the one that needs the least motion of any joint from `q_seed` first.
+
+        For a pose that is asked again and again, `known` keeps where the solver ended from each closed-form solution:
+        a dict of this pose and this object alone, empty at first.
+        """
         seeds = self._inverse(T_world_tcp @ self._T_tcp_flange, q_seed)
         target = mink.SE3.from_matrix(T_world_tcp)
         nearest_first = seeds[np.argsort(np.abs(seeds - q_seed).max(axis=1), kind="stable")]
         inside = nearest_first - 2 * np.pi * (nearest_first > self.q_upper) + 2 * np.pi * (nearest_first < self.q_lower)
-        solutions = [q for seed in inside if (q := self._converge(target, seed)) is not None]
+        known = {} if known is None else known
+        for seed in inside:
+            if seed.tobytes() not in known:
+                known[seed.tobytes()] = self._converge(target, seed)
+        solutions = [q.copy() for seed in inside if (q := known[seed.tobytes()]) is not None]
         if not solutions:
             return []
         order = np.argsort(np.abs(np.array(solutions) - q_seed).max(axis=1), kind="stable")

@@ -13,6 +13,7 @@ from simpick.motion.config import MotionConfig
 from simpick.scene import ContactGroup, Scene
 
 _LOST_TICKS = 4
+_ABOVE_ROUNDING = 1 + 1e-9
 _ROBOT, _FIXED, _PART, _PAD = 1, 2, 4, 8
 """Bits that say what a geom is."""
 _KIND_OF_GROUP = np.zeros(len(ContactGroup), np.uint8)
@@ -64,7 +65,9 @@ class Monitor:
         fixed_n, fixed, part_n = -1.0, None, 0.0
         on_pads: dict[int, list[float]] = {pad: [] for pad in self._pads}
         forces = normal_forces(data, selected).tolist()
-        for (first, second), kind, force in zip(geoms[selected].tolist(), kinds.tolist(), forces, strict=True):
+        for (first, second), kind, force in zip(
+            geoms.take(selected, axis=0).tolist(), kinds.tolist(), forces, strict=True
+        ):
             if kind & _FIXED and force > fixed_n:
                 fixed_n, fixed = force, (first, second)
             if kind & _PART and force > part_n:
@@ -78,7 +81,8 @@ class Monitor:
             self.fixed_force_n = fixed_n
             self._fixed_pair = fixed if self._kinds[fixed[1]] & _FIXED else fixed[::-1]
         for pressing in on_pads.values():
-            if pressing:
+            # Python's sum differs from NumPy's by rounding alone, and few are a new peak.
+            if _ABOVE_ROUNDING * sum(pressing) > self.peak_force_n:
                 self.peak_force_n = max(self.peak_force_n, float(np.sum(pressing)))
 
     def _robot_contacts(
@@ -86,10 +90,10 @@ class Monitor:
     ) -> tuple[Int[np.ndarray, "selected"], UInt8[np.ndarray, "selected"]]:
         """Return which contacts join arm or gripper with anything, and the kinds of both geoms of each."""
         # Bits and columns: this is asked in every period, and `any` along rows of two takes several times as long.
-        first, second = self._kinds.take(geoms).T
-        kinds = first | second
-        selected = np.flatnonzero(kinds & _ROBOT)
-        return selected, kinds[selected]
+        both = self._kinds.take(geoms)
+        kinds = both[:, 0] | both[:, 1]
+        selected = (kinds & _ROBOT).nonzero()[0]
+        return selected, kinds.take(selected)
 
     def obstruction(self, q: np.ndarray, q_commanded: np.ndarray, holding: bool) -> Obstruction | None:
         """Return what stops the arm now, or None; while `holding`, force on parts is the grip's own."""
@@ -126,7 +130,7 @@ class Monitor:
 
     def lost(self, gripped: tuple[int, ...]) -> bool:
         """Return whether nothing of what was gripped has been held for several periods running."""
-        self._without = 0 if set(self.held()) & set(gripped) else self._without + 1
+        self._without = self._without + 1 if set(gripped).isdisjoint(self.held()) else 0
         return self._without >= _LOST_TICKS
 
     def still(self, speed: float) -> bool:

@@ -58,6 +58,12 @@ class PickPlanner:
         self.gripper: Gripper = get_gripper(config.gripper)
         self.kinematics = Kinematics(self.robot, self.gripper.T_base_tcp)
         self.collision = CellCollision(config, self.robot)
+        over_chute = np.array([CHUTE_CENTRE_M[0], CHUTE_CENTRE_M[1], CHUTE_CENTRE_M[2] + motion.release_height_m])
+        turns = [turn_about_z(2 * np.pi * k / _DROP_YAWS)[:3, :3] for k in range(_DROP_YAWS)]
+        self._drops: list[tuple[Float[np.ndarray, "4 4"], dict[bytes, Float[np.ndarray, "joints"] | None]]] = [
+            (transform(R @ _TOOL_DOWN, over_chute), {}) for R in turns
+        ]
+        """Poses of the TCP over the chute, and the joint angles that are known to reach each."""
 
     def plan(self, T_world_tcp: Float[np.ndarray, "4 4"], opening_m: float) -> PickPlan | NoPlan:
         """Return the fastest motion from home to the TCP pose with the gripper opened to `opening_m`.
@@ -149,11 +155,7 @@ class PickPlanner:
         Collision-free motions come first. Raises ConfigError where the arm does not reach that pose.
         """
         home = self.robot.home_qpos
-        target = np.array([CHUTE_CENTRE_M[0], CHUTE_CENTRE_M[1], CHUTE_CENTRE_M[2] + self.motion.release_height_m])
-        solutions = []
-        for k in range(_DROP_YAWS):
-            R = turn_about_z(2 * np.pi * k / _DROP_YAWS)[:3, :3] @ _TOOL_DOWN
-            solutions += self.kinematics.solve_all(transform(R, target), q)
+        solutions = [s for T_world_tcp, known in self._drops for s in self.kinematics.solve_all(T_world_tcp, q, known)]
         if not solutions:
             raise ConfigError(
                 f"motion release_height_m must be a height over the chute that the arm reaches, got"

@@ -25,8 +25,19 @@ def test_points_met_are_those_in_the_boxes(kind: str, opening_m: float) -> None:
         met.append((swept, bool(points_in_boxes(points, gripped).any())))
         assert shape.points_met(points) == met[-1]
         inside = points_in_boxes(points, swept_back(boxes, APPROACH_M), CLEARANCE_M)
-        assert ((points[inside] > shape.lower_m) & (points[inside] < shape.upper_m)).all()
+        for back_m in (-0.5, -0.12, -0.05, 0.5):
+            lower_m, upper_m = shape.around_from(back_m)
+            reached = points[inside & (points[:, 2] > back_m)]
+            assert ((reached > lower_m) & (reached < upper_m)).all()
     assert len(set(met)) > 2
+
+
+def test_only_the_fingers_are_around_a_tcp_low_in_a_pile() -> None:
+    shape = GripperShape.of(get_gripper("jaw"), 0.02, APPROACH_M, CLEARANCE_M)
+    lower_m, upper_m = shape.around_from(-0.10)
+    np.testing.assert_allclose(upper_m, [0.01 + 0.0085 + CLEARANCE_M, 0.01 + CLEARANCE_M, 0.01 + CLEARANCE_M])
+    np.testing.assert_allclose(lower_m[:2], -upper_m[:2])
+    assert shape.around_from(-0.5)[1][0] == pytest.approx(0.062 + CLEARANCE_M)
 
 
 def test_each_opening_has_its_own_shape_that_nothing_can_change() -> None:
