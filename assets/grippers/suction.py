@@ -199,18 +199,20 @@ class SuctionGripper:
 
     def covered_cells(self, model: mujoco.MjModel, data: mujoco.MjData) -> dict[int, set[int]]:
         """Return the cells that each body covers now, by body id: within the foam's reach and facing the cell."""
-        cells = {geom: k for k, geom in enumerate(self._cells(model))}
+        first_cell = self._cells(model).start
         approach = data.body(f"{GRIPPER_PREFIX}head").xmat.reshape(3, 3)[:, 2]
         covered: dict[int, set[int]] = {}
         facing = np.abs(data.contact.frame[:, :3] @ approach) >= _COVERED_COSINE
         for first, second in data.contact.geom[facing].tolist():
             for cell, other in ((first, second), (second, first)):
-                if cell in cells:
-                    covered.setdefault(int(model.geom_bodyid[other]), set()).add(cells[cell])
+                if 0 <= cell - first_cell < CELLS:
+                    covered.setdefault(int(model.geom_bodyid[other]), set()).add(cell - first_cell)
         return covered
 
-    def _cells(self, model: mujoco.MjModel) -> list[int]:
-        return [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name) for name in self.contact_geoms]
+    def _cells(self, model: mujoco.MjModel) -> slice:
+        """Return the ids of the cells' geoms: neighbours, for geoms of a body keep the order they are added in."""
+        first = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, self.contact_geoms[0])
+        return slice(first, first + CELLS)
 
 
 def _cylinder(

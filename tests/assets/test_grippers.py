@@ -5,6 +5,7 @@ import pytest
 from simpick.assets.grippers import JAW_STROKE_M, SuctionGripper, get_gripper
 from simpick.assets.grippers.jaw import JAW_FORCE_N
 from simpick.assets.grippers.suction_shape import CELL_CENTRES_M, CELL_FORCE_N, CELLS, SUCTION_RADIUS_M
+from simpick.scene import SceneConfig, build_scene
 from simpick.scene.physics import PhysicsConfig, apply_physics
 
 
@@ -199,3 +200,11 @@ def assert_enclosed(bench: Bench, opening_m: float) -> None:
 
 def _state(bench: Bench) -> tuple[mujoco.MjModel, mujoco.MjData]:
     return bench.model, bench.data
+
+
+def test_the_cells_of_the_suction_face_are_neighbours_in_the_model() -> None:
+    bench = Bench("suction", (0.01, 0.01, 0.01))
+    scene = build_scene(SceneConfig(parts=("hex_nut",), count=1, gripper="suction", randomization="none"), seed=0)
+    for model in (bench.model, scene.model):
+        ids = [model.geom(name).id for name in SuctionGripper.contact_geoms]
+        assert ids == list(range(model.ngeom))[SuctionGripper()._cells(model)]
