@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from simpick.errors import ConfigError, UnknownNameError
+from simpick.estimators.detector.boxed_instances import with_instances
 from simpick.estimators.mask_outlines import on_image_edges
 from simpick.geometry import box_of_mask
 from simpick.records import CameraFrame, Detection
@@ -20,7 +21,7 @@ class ValidDetection:
 
     detection: Detection
     mask: Bool[np.ndarray, "height width"]
-    """The detection's mask, or its box within the image where it has none; see `detection_mask`."""
+    """The detection's mask; where it has none, the instance that fills its box, or the box within the image."""
     box_xyxy_px: Float[np.ndarray, "4"]
     """Around the mask."""
 
@@ -28,12 +29,14 @@ class ValidDetection:
 def valid_detections(detections: Sequence[Detection], frame: CameraFrame, min_mask_px: int) -> list[ValidDetection]:
     """Return the detections with enough pixels; a single line of pixels has no shape and is left out.
 
+    Detections without a mask get one where the learned segmentation has an instance that fills their box.
+
     Raises:
         ConfigError: the image is not of 8-bit RGB, or a mask has another size than the image.
     """
     if frame.rgb.dtype != np.uint8:
         raise ConfigError(f"an image must have 8-bit channels (uint8), got {frame.rgb.dtype}")
-    masks = [detection_mask(detection, frame) for detection in detections]
+    masks = [detection_mask(detection, frame) for detection in with_instances(frame, detections)]
     return [
         ValidDetection(detection, mask, box_of_mask(mask))
         for detection, mask in zip(detections, masks, strict=True)

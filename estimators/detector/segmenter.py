@@ -20,7 +20,8 @@ from simpick.estimators.detector.scores import MaskScore, is_one_instance
 
 WORKING_PX = 960
 """Longer side of the image that the network sees; smaller images are enlarged. It was trained at this scale."""
-_SMALLEST_PX = 32
+SMALLEST_PX = 32
+"""Least width and height of an image."""
 # The network's cells of an enlarged image are finer than two of its pixels.
 _BAND_PX = 1
 # Pieces with fewer cells have no shape that templates could judge.
@@ -165,6 +166,6 @@ def checked_size(rgb: np.ndarray) -> tuple[int, int]:
             "repeat a grey image's channel three times"
         )
     height, width = rgb.shape[:2]
-    if min(height, width) < _SMALLEST_PX:
-        raise ConfigError(f"an image must be at least {_SMALLEST_PX} px wide and high, got {width} x {height}")
+    if min(height, width) < SMALLEST_PX:
+        raise ConfigError(f"an image must be at least {SMALLEST_PX} px wide and high, got {width} x {height}")
     return height, width

@@ -1,4 +1,4 @@
-"""Masks for detections that are boxes: what their first poses show of them, moved to the image's edges."""
+"""Masks for detections that are boxes: the instance that fills the box, or what the first pose shows in it."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from simpick.assets.part import Part
 from simpick.closing import Closing
+from simpick.estimators.detector.boxed_instances import with_instances
 from simpick.estimators.detector.outlines import sharpen_outlines
 from simpick.records import CameraFrame, Detection, PoseEstimate
 from simpick.rendering.posed_depth import PosedDepthRenderer
@@ -25,11 +26,12 @@ class BoxMasks(Closing):
     ) -> list[Detection]:
         """Return the estimates' detections, each with a mask.
 
-        Those that have one keep it. The others get the pixels inside their box in which their part is in front of all
-        other estimated parts, with outlines at the image's edges (`sharpen_outlines`). `parts` are by name; every
-        estimate must have a detection.
+        Those that have one keep it. The others get that of the instance that fills their box (`with_instances`), or
+        the pixels inside their box in which their part is in front of all other estimated parts, with outlines at the
+        image's edges (`sharpen_outlines`). `parts` are by name; every estimate must have a detection.
         """
-        detections = [estimate.detection for estimate in estimates if estimate.detection is not None]
+        given = [estimate.detection for estimate in estimates if estimate.detection is not None]
+        detections = with_instances(frame, given)
         boxes = [k for k, detection in enumerate(detections) if detection.mask is None]
         if not boxes:
             return detections

@@ -47,7 +47,7 @@ class RefinedEstimator:
         """Return one estimate per detection that the base answers, with refined hypotheses, best first.
 
         Scores are probabilities that a pose is good enough to pick by. A detection without a mask gets one from the
-        base's poses (`BoxMasks`); the estimates keep the detections as they were given.
+        image or the base's poses (`BoxMasks`); the estimates keep the detections as they were given.
 
         Raises:
             ConfigError: as the base estimator and `Refiner.refine`.

@@ -1,4 +1,4 @@
-"""Masks of objects in boxes, by GrabCut (Rother et al., SIGGRAPH 2004): for boxes that a person drew."""
+"""Masks of objects in boxes that a person drew: the instance that fills the box, or GrabCut (Rother et al., 2004)."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
+from simpick.estimators.detector.boxed_instances import with_instances
 from simpick.records import CameraFrame, Detection
 
 _MARGIN = 0.5
@@ -22,14 +23,17 @@ _LEAST_SHARE = 0.25
 
 
 def with_masks(detections: list[Detection], frame: CameraFrame) -> list[Detection]:
-    """Return the detections, those without a mask with one from their box; unchanged where GrabCut fails."""
-    return [d if d.mask is not None else replace(d, mask=mask_in_box(frame.rgb, d.box_xyxy_px)) for d in detections]
+    """Return the detections, those without a mask with one from their box; unchanged where both ways fail."""
+    return [
+        d if d.mask is not None else replace(d, mask=mask_in_box(frame.rgb, d.box_xyxy_px))
+        for d in with_instances(frame, detections)
+    ]
 
 
 def mask_in_box(
     rgb: UInt8[np.ndarray, "height width 3"], box_xyxy_px: Float[np.ndarray, "4"]
 ) -> Bool[np.ndarray, "height width"] | None:
-    """Return the object inside a box; None if the box is outside the image or no object is found."""
+    """Return the object inside a box by GrabCut; None if the box is outside the image or no object is found."""
     height, width = rgb.shape[:2]
     x1, y1, x2, y2 = np.clip(np.rint(box_xyxy_px), 0, [width, height, width, height]).astype(int).tolist()
     if x2 - x1 < 4 or y2 - y1 < 4:

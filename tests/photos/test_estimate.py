@@ -114,7 +114,7 @@ def test_a_box_gets_a_mask_and_the_checks_speak_for_a_good_pose(
         poses = estimator.estimate(seen.rgb, camera, [Detection(part.name, box, None, 1.0)])
         (checks,) = estimator.checks(poses)
     mask, truth = poses.detections[0].mask, seen.instances == 0
-    assert mask is not None and (mask & truth).sum() / (mask | truth).sum() > 0.95
+    assert mask is not None and (mask & truth).sum() / (mask | truth).sum() > 0.93
     assert checks.edge_agreement > 0.8 and checks.mask_agreement > 0.9
     assert not [reason for reason in checks.reasons if "pose" not in reason]
 

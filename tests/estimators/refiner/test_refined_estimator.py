@@ -70,9 +70,24 @@ def test_a_box_is_refined_by_a_mask_that_its_own_pose_shows():
     assert np.linalg.norm(estimate.T_camera_part[:3, 3] - T_TRUE[:3, 3]) < 10e-3  # Of 18 mm.
 
 
-def test_a_part_in_front_hides_what_is_behind_it_in_the_masks_of_boxes():
+def test_a_box_that_an_instance_fills_gets_its_mask_whatever_the_pose():
     frame, detection = frame_of("l_bracket")
     box = dataclasses.replace(detection, mask=None)
+    away = T_TRUE.copy()
+    away[0, 3] += 0.05
+    with BoxMasks() as masks:
+        estimate = PoseEstimate("l_bracket", away, 0.9, "guess", 0.0, detection=box)
+        (found,) = masks.masked(frame, [estimate], {"l_bracket": get_part("l_bracket")})
+    assert found.mask is not None and detection.mask is not None
+    assert (found.mask & detection.mask).sum() > 0.93 * (found.mask | detection.mask).sum()
+
+
+def test_a_part_in_front_hides_what_is_behind_it_in_the_masks_of_boxes():
+    frame, detection = frame_of("l_bracket")
+    # A box that nothing fills.
+    width, height = detection.box_xyxy_px[2:] - detection.box_xyxy_px[:2]
+    wide = detection.box_xyxy_px + 0.2 * np.array([-width, -height, width, height])
+    box = dataclasses.replace(detection, mask=None, box_xyxy_px=wide)
     nearer = T_TRUE.copy()
     nearer[:3, 3] *= 0.8
     estimates = [PoseEstimate("l_bracket", T, 0.9, "guess", 0.0, detection=box) for T in (T_TRUE, nearer)]
