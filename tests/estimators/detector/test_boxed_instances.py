@@ -51,7 +51,7 @@ def test_only_the_image_is_read(frame: CameraFrame, truths: list[np.ndarray]) ->
     boxes = [box_of(truth) for truth in truths]
     bare = replace(frame, depth_m=None, instances=None)
     for a, b in zip(with_instances(frame, boxes), with_instances(bare, boxes), strict=True):
-        assert a.mask is not None and np.array_equal(a.mask, b.mask)
+        assert a.mask is not None and b.mask is not None and np.array_equal(a.mask, b.mask)
 
 
 def test_an_image_is_segmented_once_and_only_for_boxes(
