@@ -105,12 +105,6 @@ def _weights() -> Path:
     return shipped_checkpoint()
 
 
-def _detector_weights() -> Path:
-    from simpick.estimators.detector.checkpoints import shipped_detector_checkpoint
-
-    return shipped_detector_checkpoint()
-
-
 def _confidence() -> Path:
     from simpick.estimators.refiner.confidence import SHIPPED_FILE
 
@@ -118,21 +112,17 @@ def _confidence() -> Path:
 
 
 SHIPPED: dict[str, EstimatorSpec] = {
-    "retrieval": EstimatorSpec(_retrieval, files=(_detector_weights,)),
+    "retrieval": EstimatorSpec(_retrieval),
     "retrieval_refined": EstimatorSpec(
-        partial(_refined, "retrieval_refined", _retrieval),
-        files=(_detector_weights, _confidence),
-        gives_probabilities=True,
+        partial(_refined, "retrieval_refined", _retrieval), files=(_confidence,), gives_probabilities=True
     ),
-    "coarse": EstimatorSpec(partial(_raypose, "coarse"), files=(_weights, _detector_weights), takes_budget=True),
-    "fine": EstimatorSpec(partial(_raypose, "fine"), files=(_weights, _detector_weights), takes_budget=True),
+    "coarse": EstimatorSpec(partial(_raypose, "coarse"), files=(_weights,), takes_budget=True),
+    "fine": EstimatorSpec(partial(_raypose, "fine"), files=(_weights,), takes_budget=True),
     "refined": EstimatorSpec(
-        partial(_refined, "refined", partial(_raypose, "fine")),
-        files=(_weights, _detector_weights, _confidence),
-        gives_probabilities=True,
+        partial(_refined, "refined", partial(_raypose, "fine")), files=(_weights, _confidence), gives_probabilities=True
     ),
 }
-"""The estimators that ship with simpick and work from images alone, by name. The detector's weights are for boxes."""
+"""The estimators that ship with simpick and work from images alone, by name."""
 
 
 def estimator_names() -> list[str]:

@@ -8,7 +8,7 @@ from typing import Any
 
 from simpick.assets import get_part, library_part_names
 from simpick.caching import cache_key
-from simpick.estimators.detections import detector_data
+from simpick.estimators.detections import SHIPPED, detector_data, is_simulated
 from simpick.estimators.registry import ORACLE, find_estimator
 from simpick.experiments.config import CellConfig, RunConfig
 from simpick.experiments.perceptions import FOREGROUND_DETECTOR, FOREGROUND_FOR
@@ -44,6 +44,7 @@ def _mode_data(run: RunConfig) -> dict[str, str]:
     """Return what a mode's answers depend on: the files, or packages, of its estimator and of its detectors."""
     detections = run.detections_used
     data = detector_data(detections)
-    if detections in FOREGROUND_FOR:
+    # What another package detects may be boxes, which get masks from the shipped detector.
+    if detections in FOREGROUND_FOR or not (is_simulated(detections) or detections in SHIPPED):
         data |= detector_data(FOREGROUND_DETECTOR)
     return data if run.estimator == ORACLE else find_estimator(run.estimator).data() | data

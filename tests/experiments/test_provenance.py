@@ -1,11 +1,14 @@
 """Results are pinned to what they depend on, and a folder of other weights is refused in words that help."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from simpick.errors import OutputError
+from simpick.estimators import detections
 from simpick.estimators.raypose import checkpoints
 from simpick.estimators.refiner import confidence
 from simpick.estimators.registry import SHIPPED
@@ -62,6 +65,20 @@ def test_fitted_data_that_appear_are_noticed(shipped: Path) -> None:
     (shipped / "confidence.json").write_text("{}")
     (change,) = changes(before, provenance("retrieval", "retrieval_refined"))
     assert change.startswith("weights or data of mode retrieval_refined, confidence.json (none there, '")
+
+
+def test_detections_of_another_package_may_be_boxes_that_the_shipped_detector_fills(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    entry = SimpleNamespace(name="theirs", value="theirs:Detector", dist=SimpleNamespace(name="theirs", version="1.2"))
+    monkeypatch.setattr(detections, "entries_of", lambda group: {"theirs": entry})
+    config = RunConfig(estimator="fine", detections="theirs")
+    data = run_provenance(config, [config])["mode_data"]["fine"]
+    assert {"detector.safetensors", "raypose.safetensors"} < data.keys()
+    assert (
+        "detector.safetensors"
+        not in run_provenance(config, [replace(config, detections="perfect")])["mode_data"]["fine"]
+    )
 
 
 def test_another_version_is_named() -> None:
