@@ -47,7 +47,7 @@ class Estimate(Config):
     boxes: Annotated[
         tuple[float, ...], tyro.conf.arg(metavar="X1 Y1 X2 Y2 ...", help_behavior_hint="(default: none)")
     ] = ()
-    """Boxes of the part in pixels, four numbers each, in every image; a mask is found in each by GrabCut."""
+    """Boxes of the part in pixels, four numbers each, in every image; a mask is found in each: learned, or GrabCut."""
     count: Annotated[PositiveInt | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: all)")] = None
     """How many of each part to report per image: the most certain ones; improbable ones too, if there are no others."""
     unit: Unit = "auto"
