@@ -66,7 +66,7 @@ def regressors_of(exposure: Float[np.ndarray, "instances"], candidates: int) -> 
 
 
 def fit_resemblance(
-    images: Sequence[tuple[Float[np.ndarray, "instances 2"], Float[np.ndarray, "instances 3"]]],
+    images: Sequence[tuple[Float[np.ndarray, "_ 2"], Float[np.ndarray, "_ 3"]]],
     freedom: float | None = None,
 ) -> Resemblance:
     """Return the most probable distribution of measures and regressors, one pair of arrays per image.

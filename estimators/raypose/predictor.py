@@ -120,10 +120,10 @@ class Predictor:
         return pose, self._support(conditioning.initial, queries, templates, pose)
 
 
-def _chunks(rows: Int[np.ndarray, "n"]) -> list[Int[np.ndarray, "m"]]:
+def _chunks(rows: Int[np.ndarray, "n"]) -> list[Int[np.ndarray, "_"]]:
     return np.split(np.arange(len(rows)), range(_AT_ONCE, len(rows), _AT_ONCE))
 
 
-def _joined(found: Sequence[tuple[ViewPoses, Float[Tensor, "m"]]]) -> tuple[ViewPoses, Float[np.ndarray, "n"]]:
+def _joined(found: Sequence[tuple[ViewPoses, Float[Tensor, "_"]]]) -> tuple[ViewPoses, Float[np.ndarray, "n"]]:
     poses, scores = zip(*found, strict=True)
     return ViewPoses.cat(poses), torch.cat(scores).numpy()

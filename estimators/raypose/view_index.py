@@ -42,7 +42,7 @@ class ViewIndex(TensorRecord):
         embeddings: Float[Tensor, "n embedding"],
         half_tangents: Float[Tensor, "n"],
         count: int,
-    ) -> list[tuple[Float[np.ndarray, "k 4 4"], Float[np.ndarray, "k"]]]:
+    ) -> list[tuple[Float[np.ndarray, "_ 4 4"], Float[np.ndarray, "_"]]]:
         """Return for each query the poses in its crop of up to `count` views, and the logarithms of their odds.
 
         Poses differ by 20 degrees or more, over the part's symmetries, best first.

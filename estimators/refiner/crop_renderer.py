@@ -66,7 +66,7 @@ def _relative_luminance(
     return np.where(masks, luminance / np.maximum(mean, _DARKEST)[:, None, None], 1).astype(np.float32)
 
 
-def rows_by_part(parts: Sequence[Part]) -> list[tuple[Part, Int[np.ndarray, "k"]]]:
+def rows_by_part(parts: Sequence[Part]) -> list[tuple[Part, Int[np.ndarray, "_"]]]:
     """Return each of these parts once, with the positions that it has among them."""
     rows: dict[str, list[int]] = {}
     for k, part in enumerate(parts):

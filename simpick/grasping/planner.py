@@ -215,7 +215,7 @@ class GraspPlanner:
                 heapq.heappush(queue, (-bound, best.index, made[best.index] + 1, best))
 
     def _weights(
-        self, clouds: Sequence[Float[np.ndarray, "n 3"]], scores: Sequence[float] | None
+        self, clouds: Sequence[Float[np.ndarray, "_ 3"]], scores: Sequence[float] | None
     ) -> tuple[list[float], Float[np.ndarray, "parts"]]:
         """Return what each part's grasps are worth for its confidence, exposure and height, and its exposure."""
         open_share = exposures(clouds)
